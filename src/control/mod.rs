@@ -1,0 +1,1 @@
+//! The control law, its specifications and its tuning.

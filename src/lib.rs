@@ -1,0 +1,23 @@
+//! From a description of a rotorcraft to a flyable gain schedule.
+//!
+//! Data flows one way down this street; a module uses only those above it.
+//!
+//! * [`units`]: the only conversion constants, and quantities with units.
+//! * [`numerics`]: interpolation, quadrature, derivatives, least squares, conic programs.
+//! * [`problem`]: a TOML file becomes checked data, every error of it reported at once.
+//! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
+//! * [`trim`]: the periodic orbit of a flight condition.
+//! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
+//! * [`control`]: the control law, its specifications and metrics, and its tuning.
+//! * [`report`]: tables and plots of what the stages found.
+//! * [`cli`]: the command line around them.
+
+pub mod cli;
+pub mod control;
+pub mod linear;
+pub mod numerics;
+pub mod problem;
+pub mod report;
+pub mod trim;
+pub mod units;
+pub mod vehicle;

@@ -1,0 +1,1 @@
+//! Fixed-step Runge–Kutta integration of known order.

@@ -1,0 +1,1 @@
+//! Real numbers and forward-mode duals behind one trait.

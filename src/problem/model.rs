@@ -1,0 +1,390 @@
+//! The checked problem: what a problem file means, in SI units and radians.
+//!
+//! Everything here is plain data that has passed every check of
+//! [`crate::problem`]: finite, dimensioned, within physical bounds, and with
+//! every name resolved. The vehicle model is built from it and never sees a
+//! file, a unit string or a raw table.
+
+use std::sync::Arc;
+
+/// A rotorcraft and the modelling choices to fly it with.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// Short name, used in titles and file names.
+    pub name: String,
+    /// One-line description for reports.
+    pub description: String,
+    /// Mass, centre of gravity and inertia of the whole aircraft.
+    pub mass: MassProperties,
+    /// Air that the aircraft flies in.
+    pub atmosphere: AtmosphereConditions,
+    /// Fuselage bodies, possibly none.
+    pub fuselages: Vec<Fuselage>,
+    /// Rotors, at least one, in the order of the file.
+    pub rotors: Vec<Rotor>,
+    /// Wings and tail surfaces, possibly none.
+    pub wings: Vec<Wing>,
+    /// Inflow and rotor-on-rotor interference choices.
+    pub inflow: InflowOptions,
+    /// From the pilot's sticks to the blades.
+    pub controls: Controls,
+}
+
+/// A point in the aircraft's drawing coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Station {
+    /// Fuselage station, m, positive aft.
+    pub fuselage_station: f64,
+    /// Butt line, m, positive to starboard.
+    pub butt_line: f64,
+    /// Water line, m, positive up.
+    pub water_line: f64,
+}
+
+/// Mass, centre of gravity and inertia of the whole aircraft, with the blades
+/// of each rotor counted as a point mass at its hub.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MassProperties {
+    /// Gross mass, kg.
+    pub mass: f64,
+    /// Centre of gravity.
+    pub center_of_gravity: Station,
+    /// Moments of inertia about the centre of gravity, body axes, kg m².
+    pub i_xx: f64,
+    /// Pitch moment of inertia, kg m².
+    pub i_yy: f64,
+    /// Yaw moment of inertia, kg m².
+    pub i_zz: f64,
+    /// Product of inertia ∫xz dm, kg m² (enters the tensor as −I_xz).
+    pub i_xz: f64,
+    /// Product of inertia ∫xy dm, kg m².
+    pub i_xy: f64,
+    /// Product of inertia ∫yz dm, kg m².
+    pub i_yz: f64,
+}
+
+/// Air that the aircraft flies in: US Standard Atmosphere 1976.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AtmosphereConditions {
+    /// Geopotential pressure altitude, m.
+    pub altitude: f64,
+    /// Temperature above the standard day, K.
+    pub temperature_offset: f64,
+}
+
+/// What the wakes of the rotors do to a body or wing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wash {
+    /// Nothing.
+    #[default]
+    None,
+    /// The induced velocity is added to the local velocity.
+    Full,
+    /// The induced velocity turns the local flow, but the dynamic pressure
+    /// stays that of the free stream.
+    AngleOnly,
+}
+
+/// A fuselage body.
+#[derive(Debug, Clone)]
+pub struct Fuselage {
+    /// Name in the file.
+    pub name: String,
+    /// Where its forces act.
+    pub position: Station,
+    /// Its forces.
+    pub aerodynamics: FuselageAerodynamics,
+    /// Rotor wash on it.
+    pub wash: Wash,
+}
+
+/// Forces and moments of a fuselage.
+#[derive(Debug, Clone)]
+pub enum FuselageAerodynamics {
+    /// Equivalent flat plates: force −½ρ S C |u| u on each body axis.
+    FlatPlate {
+        /// Areas normal to the x, y and z body axes, m².
+        area: [f64; 3],
+        /// Drag coefficient that multiplies each area, 1.
+        drag_coefficient: [f64; 3],
+    },
+    /// Loads per dynamic pressure over angles of attack and sideslip.
+    Table(Arc<FuselageTable>),
+}
+
+/// Fuselage loads per dynamic pressure on a grid of angle of attack and
+/// sideslip, body axes, about the fuselage position.
+#[derive(Debug, Clone)]
+pub struct FuselageTable {
+    /// Angles of attack atan2(w, u), rad, strictly increasing.
+    pub angle_of_attack: Vec<f64>,
+    /// Sideslip angles asin(v/V), rad, strictly increasing.
+    pub sideslip: Vec<f64>,
+    /// X/q, Y/q, Z/q in m² and L/q, M/q, N/q in m³, each
+    /// `[angle_of_attack][sideslip]`, row-major.
+    pub loads: [Vec<f64>; 6],
+}
+
+/// Direction of rotation seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Counter-clockwise seen from above: the frame of the theory.
+    CounterClockwise,
+    /// Clockwise seen from above: the mirrored frame.
+    Clockwise,
+}
+
+/// A quantity along the span: breakpoints in r/R, linear between, constant
+/// beyond the ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spanwise {
+    /// r/R, strictly increasing, within 0…1, at least one.
+    pub station: Vec<f64>,
+    /// Value at each station.
+    pub value: Vec<f64>,
+}
+
+/// How the blades are joined to the shaft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum HubKind {
+    /// Two blades on one teeter hinge.
+    Teetering {
+        /// Distance of the blade attachment below the teeter hinge, m.
+        undersling: f64,
+        /// Teeter spring, N m/rad.
+        spring: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β_T tan δ3.
+        delta_3: f64,
+    },
+    /// Blades that neither flap nor teeter.
+    Rigid,
+}
+
+/// Section aerodynamics.
+#[derive(Debug, Clone)]
+pub enum Airfoil {
+    /// Lift and drag from a table of angle of attack and Mach number.
+    Table(Arc<AirfoilTable>),
+    /// Linear lift, constant drag.
+    Analytic {
+        /// Lift-curve slope a0, 1/rad.
+        lift_slope: f64,
+        /// Zero-lift angle of attack, rad.
+        zero_lift_angle: f64,
+        /// Drag coefficient δ.
+        drag: f64,
+    },
+}
+
+/// One coefficient of a C81 table on its own grid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoefficientGrid {
+    /// Angle of attack, rad, strictly increasing from −π to π.
+    pub angle_of_attack: Vec<f64>,
+    /// Mach number, strictly increasing.
+    pub mach: Vec<f64>,
+    /// Values `[angle][mach]`, row-major.
+    pub value: Vec<f64>,
+}
+
+/// A C81 airfoil table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AirfoilTable {
+    /// Title line of the table.
+    pub name: String,
+    /// Lift coefficient.
+    pub lift: CoefficientGrid,
+    /// Drag coefficient.
+    pub drag: CoefficientGrid,
+    /// Moment coefficient about the quarter chord (kept, not used by the
+    /// rotor: no blade torsion is modelled).
+    pub moment: CoefficientGrid,
+}
+
+/// A rotor.
+#[derive(Debug, Clone)]
+pub struct Rotor {
+    /// Name in the file, for example `upper`.
+    pub name: String,
+    /// Hub (teeter hinge) position.
+    pub hub: Station,
+    /// Shaft cant φ_m, rad, positive right side down.
+    pub cant: f64,
+    /// Shaft tilt β_m, rad, positive aft.
+    pub tilt: f64,
+    /// Direction of rotation.
+    pub direction: Direction,
+    /// Number of blades N_b.
+    pub blades: usize,
+    /// Radius R, m.
+    pub radius: f64,
+    /// Chord along the span, m.
+    pub chord: Spanwise,
+    /// Built-in twist along the span, rad (0 at the root by custom).
+    pub twist: Spanwise,
+    /// Radius where the lifting blade begins, fraction of R.
+    pub root_cutout: f64,
+    /// Tip-loss factor B: no lift beyond B R. 1 for none.
+    pub tip_loss: f64,
+    /// Blade elements a blade, equal in width.
+    pub elements: usize,
+    /// Section aerodynamics.
+    pub airfoil: Airfoil,
+    /// Precone β_p, rad, positive up.
+    pub precone: f64,
+    /// Mass of one blade m_b, kg.
+    pub blade_mass: f64,
+    /// First mass moment of one blade M_β about the attachment, kg m.
+    pub blade_first_moment: f64,
+    /// Second mass moment of one blade I_β about the attachment, kg m².
+    pub blade_second_moment: f64,
+    /// How the blades are joined to the shaft.
+    pub hub_kind: HubKind,
+    /// Whether in-plane moments tilt with the teetering frame (exact) or act
+    /// about the shaft (the published matrices).
+    pub teeter_torque_tilt: bool,
+    /// Swashplate phase Δ_sp, rad.
+    pub swashplate_phase: f64,
+    /// Speed of rotation Ω, rad/s, positive.
+    pub speed: f64,
+    /// Azimuth of blade 1 when the reference azimuth is zero, rad.
+    pub azimuth_offset: f64,
+    /// Rotor-speed governor; none holds the speed exactly.
+    pub governor: Option<Governor>,
+}
+
+/// First-order rotor-speed governor: Ω' = (Ω_cmd − Ω)/τ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Governor {
+    /// Time constant τ, s.
+    pub time_constant: f64,
+}
+
+/// A wing or tail surface.
+#[derive(Debug, Clone)]
+pub struct Wing {
+    /// Name in the file.
+    pub name: String,
+    /// Aerodynamic centre at mid-span.
+    pub aerodynamic_center: Station,
+    /// Span b, m.
+    pub span: f64,
+    /// Chord along the span; station 0 at the port (or lower) tip, 1 at the
+    /// other, m.
+    pub chord: Spanwise,
+    /// Incidence, rad, positive leading edge up.
+    pub incidence: f64,
+    /// Cant about the x axis, rad: 0 is horizontal, 90° a vertical surface
+    /// whose "upper" side looks to starboard... see `vehicle::wing`.
+    pub cant: f64,
+    /// Dihedral of each half, rad.
+    pub dihedral: f64,
+    /// Lift and drag.
+    pub model: WingModel,
+    /// Rotor wash on it.
+    pub wash: Wash,
+}
+
+/// How a wing makes its loads.
+#[derive(Debug, Clone)]
+pub enum WingModel {
+    /// Strip theory with an airfoil table or analytic section.
+    Elements {
+        /// Strips over the span.
+        elements: usize,
+        /// Section aerodynamics.
+        airfoil: Airfoil,
+        /// Whether the finite span's induced angle is taken off, with the
+        /// elliptic-loading slope a/(1 + a/(π AR)).
+        induced_angle: bool,
+    },
+    /// A whole finite wing at its aerodynamic centre.
+    Finite {
+        /// Section lift-curve slope a0, 1/rad.
+        lift_slope: f64,
+        /// Zero-lift angle, rad.
+        zero_lift_angle: f64,
+        /// Parasite drag coefficient.
+        parasite_drag: f64,
+        /// Oswald efficiency e.
+        oswald: f64,
+        /// Angle of attack at which the lift stalls, rad.
+        stall_angle: f64,
+    },
+}
+
+/// Which inflow carries the mass flow of momentum theory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MassFlow {
+    /// The rotor's own induced inflow (the paper).
+    SelfInduced,
+    /// Own and interference inflow together.
+    Total,
+}
+
+/// How the total inflow follows self-induced inflow and interference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TotalInflow {
+    /// At once.
+    Algebraic,
+    /// Three states a rotor behind a first-order low-pass.
+    LowPass {
+        /// Bandwidth, rad/s.
+        bandwidth: f64,
+    },
+}
+
+/// Quadrature of the interference coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InterferenceRule {
+    /// Converged integrals.
+    Converged,
+    /// 30 radial midpoints joined by the trapezoid rule, which leaves out the
+    /// rim of the disk: comes closer to the published numbers.
+    Coarse,
+}
+
+/// Inflow and interference choices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InflowOptions {
+    /// Whether rotors interfere at all.
+    pub interactions: bool,
+    /// Mass-flow rule.
+    pub mass_flow: MassFlow,
+    /// Total-inflow rule.
+    pub total_inflow: TotalInflow,
+    /// Quadrature rule.
+    pub interference_rule: InterferenceRule,
+    /// Core radius of the wake that washes bodies and wings, fraction of the
+    /// source's radius.
+    pub wash_core: f64,
+}
+
+/// Blade pitch of a rotor due to one percent of each stick, rad/%.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotorMix {
+    /// Collective θ_0 for lat, lon, col, ped, rad/%.
+    pub theta_0: [f64; 4],
+    /// Lateral cyclic θ_1c (of cos ψ) in the rotor's own mirrored frame, rad/%.
+    pub theta_1c: [f64; 4],
+    /// Longitudinal cyclic θ_1s (of sin ψ), rad/%.
+    pub theta_1s: [f64; 4],
+    /// Blade pitch θ_0, θ_1c, θ_1s with every stick at zero, rad.
+    pub rigging: [f64; 3],
+}
+
+/// From sticks to blades.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Controls {
+    /// Limits of lat, lon, col, ped, %.
+    pub stick_limits: [[f64; 2]; 4],
+    /// One a rotor, in the rotors' order.
+    pub mix: Vec<RotorMix>,
+    /// Limits on collective pitch, rad, one pair a rotor.
+    pub collective_limits: Vec<[f64; 2]>,
+    /// Limits on each cyclic component, rad, one pair a rotor.
+    pub cyclic_limits: Vec<[f64; 2]>,
+}
+
+/// Names of the pilot's sticks, in the order of every control vector.
+pub const STICKS: [&str; 4] = ["lat", "lon", "col", "ped"];

@@ -1,0 +1,1 @@
+//! Section aerodynamics from tables or analytic pairs.

@@ -1,0 +1,1 @@
+//! Rotor-on-rotor interference by skewed vortex cylinders.

@@ -1,0 +1,4 @@
+//! The time-periodic flight dynamics of a rotorcraft.
+
+pub mod airfoil;
+pub mod interference;
