@@ -1,0 +1,1 @@
+//! The ready-made figures of this field, from plain data.
