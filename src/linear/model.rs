@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::LinearError;
 use super::dense::ensure_finite;
-use crate::units::Kind;
+use crate::units::{Kind, System};
 
 /// A state, input or output: its name and what it measures.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +23,11 @@ impl Channel {
             kind,
         }
     }
+}
+
+/// How many units of `kind` for people one SI unit makes, offsets aside.
+pub fn shown_per_si(kind: Kind, system: System) -> f64 {
+    kind.from_si(1.0, system) - kind.from_si(0.0, system)
 }
 
 /// Position of `name` among the channels, or an error naming the nearest one.
@@ -441,6 +446,77 @@ impl StateSpace {
         negated.c = -&negated.c;
         negated.d = -&negated.d;
         self.parallel(&negated)
+    }
+}
+
+/// The four matrices of a state-space model in some system of units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matrices {
+    /// State matrix.
+    pub a: DMatrix<f64>,
+    /// Input matrix.
+    pub b: DMatrix<f64>,
+    /// Output matrix.
+    pub c: DMatrix<f64>,
+    /// Feed-through matrix.
+    pub d: DMatrix<f64>,
+}
+
+impl StateSpace {
+    /// The matrices in the units that people read, [`Kind::symbol`].
+    pub fn matrices_in(&self, system: System) -> Matrices {
+        let (x, u, y) = self.unit_factors(system);
+        let scaled = |m: &DMatrix<f64>, rows: &[f64], columns: &[f64]| {
+            DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
+                m[(i, j)] * (rows[i] / columns[j])
+            })
+        };
+        Matrices {
+            a: scaled(&self.a, &x, &x),
+            b: scaled(&self.b, &x, &u),
+            c: scaled(&self.c, &y, &x),
+            d: scaled(&self.d, &y, &u),
+        }
+    }
+
+    /// A model of matrices given in the units that people read.
+    pub fn from_matrices_in(
+        system: System,
+        states: Vec<Channel>,
+        inputs: Vec<Channel>,
+        outputs: Vec<Channel>,
+        given: Matrices,
+    ) -> Result<Self, LinearError> {
+        let mut model = Self::new(
+            states, inputs, outputs, given.a, given.b, given.c, given.d,
+        )?;
+        let (x, u, y) = model.unit_factors(system);
+        let scale = |m: &mut DMatrix<f64>, rows: &[f64], columns: &[f64]| {
+            for (i, row) in rows.iter().enumerate() {
+                for (j, column) in columns.iter().enumerate() {
+                    m[(i, j)] *= column / row;
+                }
+            }
+        };
+        scale(&mut model.a, &x, &x);
+        scale(&mut model.b, &x, &u);
+        scale(&mut model.c, &y, &x);
+        scale(&mut model.d, &y, &u);
+        Ok(model)
+    }
+
+    fn unit_factors(&self, system: System) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let factors = |channels: &[Channel]| -> Vec<f64> {
+            channels
+                .iter()
+                .map(|c| shown_per_si(c.kind, system))
+                .collect()
+        };
+        (
+            factors(&self.states),
+            factors(&self.inputs),
+            factors(&self.outputs),
+        )
     }
 }
 
