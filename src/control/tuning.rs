@@ -754,7 +754,7 @@ impl Site {
         let scaled = |f: &Affine, by: C| -> Affine { f.map(|v| v * by) };
         // The least and largest a row can be within the region.
         let spread = |row: &AffineRow| trust * row.terms.iter().map(|t| t.1.abs()).sum::<f64>();
-        let mut push = |out: &mut SiteRows, kind: Option<Requirement>, mut row: AffineRow| {
+        let push = |out: &mut SiteRows, kind: Option<Requirement>, mut row: AffineRow| {
             // A row that cannot bind within the region is left out: exact, and
             // most rows go that way.
             if row.constant - spread(&row) >= 0.0 {
@@ -789,8 +789,13 @@ impl Site {
                 if separation.distance > MARGIN_DISTANCE {
                     continue;
                 }
+                // The two vertices nearest to the separating line; the others
+                // follow unless D̄ turns far within the region, and then the
+                // exact merit refuses the step.
+                let mut vertices: Vec<C> = kite.vertices().to_vec();
+                vertices.sort_by(|p, q| (normal.conj() * q).re.total_cmp(&(normal.conj() * p).re));
                 for (d, b, _) in &points[k..=k + 1] {
-                    for z in kite.vertices() {
+                    for z in &vertices[..2] {
                         // Re n*(L − z) D̄/D̄₀, affine in the gains.
                         let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
                         push(&mut out, Some(Requirement::Margin), real_row(normal, &f, scale, first));
@@ -823,7 +828,7 @@ impl Site {
         }
         // Sensitivity: |N| ≤ c Re(d₀* D).
         let holds: Vec<bool> = l.channel.gains().iter().map(|&g| l.channel.holds(g)).collect();
-        let mut sensitivity = |out: &mut SiteRows, kind: Requirement, k: usize, level: f64| {
+        let sensitivity = |out: &mut SiteRows, kind: Requirement, k: usize, level: f64| {
             let d = shift(&l.full[k]);
             let size = d[0].norm();
             let unit = d[0] / size;
