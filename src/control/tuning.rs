@@ -116,6 +116,8 @@ pub struct TuningOptions {
     pub growth: Vec<f64>,
     /// Programs per channel and sweep at most.
     pub iterations: usize,
+    /// Trust region at the start, in scaled gains.
+    pub trust: f64,
     /// Phase margin added so that the dense check is met, rad.
     pub phase_back_off: f64,
     /// Same for gain margins, dB.
@@ -132,6 +134,7 @@ impl Default for TuningOptions {
             sweeps: 4,
             growth: vec![0.4, 0.7],
             iterations: 25,
+            trust: 0.35,
             phase_back_off: 0.15f64.to_radians(),
             gain_back_off: 0.03,
             rejection_back_off: 0.04,
@@ -206,6 +209,30 @@ pub struct TuningStats {
     pub assembly_time: f64,
 }
 
+impl TuningStats {
+    fn add(&mut self, other: &Self) {
+        self.programs += other.programs;
+        self.largest_rows = self.largest_rows.max(other.largest_rows);
+        self.interior_iterations += other.interior_iterations;
+        self.refused += other.refused;
+        self.solver_time += other.solver_time;
+        self.assembly_time += other.assembly_time;
+    }
+}
+
+/// Whether det(I + Λ) turns as often about zero at both gain sets, for every
+/// speed and model.
+fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool {
+    models.iter().zip(a.iter().zip(b)).all(|(models, (a, b))| {
+        models.par_iter().all(|m| {
+            let (da, db) = (m.determinant(a), m.determinant(b));
+            let ratio: Vec<C> = da.iter().zip(&db).map(|(a, b)| b / a).collect();
+            let turned: f64 = ratio.windows(2).map(|r| (r[1] / r[0]).arg()).sum();
+            turned.abs() < WINDING_TOLERANCE
+        })
+    })
+}
+
 /// One speed and model within a channel's problem.
 struct Site {
     speed: usize,
@@ -250,8 +277,12 @@ impl Merit {
     }
 }
 
-/// Trust region at the start, at most and at least, in scaled gains.
-const TRUST: [f64; 3] = [0.35, 0.6, 1e-3];
+/// Trust region at most and at least, in scaled gains.
+const TRUST: [f64; 2] = [0.6, 1e-3];
+/// Largest trust region at the start of the second and of later sweeps: what
+/// the others changed needs only small answers, and a small region leaves out
+/// most rows.
+const LATER_TRUST: [f64; 2] = [0.12, 0.05];
 /// A step smaller than this in scaled gains ends the sequence.
 const STEP_TOLERANCE: f64 = 3e-3;
 /// So does a relative fall of the merit below this.
@@ -432,7 +463,7 @@ impl<'a> ChannelProblem<'a> {
             return Err(TuningError::Empty("the starting gains give a non-finite loop"));
         };
         self.stats.assembly_time += clock.elapsed().as_secs_f64();
-        let mut trust = TRUST[0];
+        let mut trust = self.options.trust;
         for _ in 0..self.options.iterations {
             let clock = Instant::now();
             let step = self.program(&x, trust);
@@ -444,7 +475,7 @@ impl<'a> ChannelProblem<'a> {
                 // better conditioned.
                 self.stats.refused += 1;
                 trust *= 0.4;
-                if trust < TRUST[2] {
+                if trust < TRUST[1] {
                     break;
                 }
                 continue;
@@ -472,14 +503,14 @@ impl<'a> ChannelProblem<'a> {
                     let gain = (best.total - m.total) / best.total.abs().max(1.0);
                     x = next;
                     best = m;
-                    trust = (trust * 1.5).min(TRUST[1]);
+                    trust = (trust * 1.5).min(TRUST[0]);
                     if size < STEP_TOLERANCE || gain < MERIT_TOLERANCE {
                         break;
                     }
                 }
                 _ => {
                     trust = trust.min(size) * 0.4;
-                    if trust < TRUST[2] {
+                    if trust < TRUST[1] {
                         break;
                     }
                 }
@@ -1024,27 +1055,55 @@ impl TuningProblem<'_> {
             .map(|&g| (g, 6))
             .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
         for (growth, iterations) in stages {
+            let trust = match sweeps {
+                0 => self.options.trust,
+                k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
+            };
             let options = TuningOptions {
                 iterations,
+                trust,
                 ..self.options.clone()
             };
             let before = gains.clone();
             merits.clear();
-            for (channel, spec) in &self.channels {
+            let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
                 let clock = Instant::now();
                 let mut problem = ChannelProblem::new(
-                    *channel, spec, &classes, &models, &speeds, &gains, growth, &options,
+                    channel, spec, &classes, &models, &speeds, gains, growth, &options,
                 );
-                stats.assembly_time += clock.elapsed().as_secs_f64();
-                let merit = problem.run(&mut gains)?;
-                merits.push((*channel, merit));
-                let s = problem.stats;
-                stats.programs += s.programs;
-                stats.largest_rows = stats.largest_rows.max(s.largest_rows);
-                stats.interior_iterations += s.interior_iterations;
-                stats.refused += s.refused;
-                stats.solver_time += s.solver_time;
-                stats.assembly_time += s.assembly_time;
+                problem.stats.assembly_time += clock.elapsed().as_secs_f64();
+                let merit = problem.run(gains)?;
+                Ok::<_, TuningError>((merit, problem.stats))
+            };
+            // Two channels at a time from the same point, as long as moving
+            // both keeps the number of unstable poles; else one after the other.
+            for pair in self.channels.chunks(2) {
+                let results: Vec<(Vec<GainSet>, Merit, TuningStats)> = pair
+                    .par_iter()
+                    .map(|(channel, spec)| {
+                        let mut own = gains.clone();
+                        let (merit, stats) = solve(*channel, spec, &mut own)?;
+                        Ok((own, merit, stats))
+                    })
+                    .collect::<Result<_, TuningError>>()?;
+                let mut joint = gains.clone();
+                for ((channel, _), (own, _, s)) in pair.iter().zip(&results) {
+                    let c = channel.index();
+                    for (joint, own) in joint.iter_mut().zip(own) {
+                        joint[c] = own[c];
+                    }
+                    stats.add(s);
+                }
+                if pair.len() == 1 || same_winding(&models, &gains, &joint) {
+                    gains = joint;
+                    merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
+                } else {
+                    for (channel, spec) in pair {
+                        let (merit, s) = solve(*channel, spec, &mut gains)?;
+                        stats.add(&s);
+                        merits.push((*channel, merit));
+                    }
+                }
             }
             if growth < 1.0 {
                 continue;

@@ -98,7 +98,7 @@ pub struct Program {
 /// Iteration limit of one solve.
 const MAX_ITERATIONS: u32 = 100;
 /// Relative and absolute duality gap and feasibility asked for.
-const TOLERANCE: f64 = 1e-8;
+const TOLERANCE: f64 = 1e-7;
 
 /// Solution of a [`Program`].
 #[derive(Debug, Clone)]
