@@ -23,13 +23,11 @@
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::plant::{Hardware, Inversion, Plant, PlantError};
 use crate::numerics::conic::AffineRow;
-use nalgebra::{DMatrix, SMatrix};
+use crate::units::STANDARD_GRAVITY as GRAVITY;
+use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Standard gravity, m/s².
-pub const GRAVITY: f64 = 9.80665;
 
 const ZERO: C = C::new(0.0, 0.0);
 const ONE: C = C::new(1.0, 0.0);
@@ -315,23 +313,23 @@ impl LoopModel {
         }
     }
 
-    /// States of the ideal model (the reduced model under full inversion) per
-    /// unit of ν in output `i`, at ω.
+    /// States of the reference model per unit of ν in output `i` (φ or θ), at ω.
     fn ideal_states(&self, omega: f64, i: usize) -> [C; 8] {
-        let inv = &self.inversion;
-        let b = inv.b * inv.decoupling;
-        let a = inv.a - b * inv.feedback;
-        let mut m = SMatrix::<C, 8, 8>::from_fn(|r, c| C::new(-a[(r, c)], 0.0));
-        for k in 0..8 {
-            m[(k, k)] += C::new(0.0, omega);
-        }
-        let rhs = SMatrix::<C, 8, 1>::from_fn(|r, _| C::new(b[(r, i)], 0.0));
-        // jω is no eigenvalue of the ideal model unless it is undamped; then
-        // the non-finite answer is caught by the caller's checks.
-        match m.lu().solve(&rhs) {
-            Some(x) => std::array::from_fn(|k| x[k]),
-            None => [C::new(f64::NAN, f64::NAN); 8],
-        }
+        let r = &self.inversion.reference;
+        let s = C::new(0.0, omega);
+        // The references φ or θ and their rate.
+        let rho = |k: usize| r.input[(k, i)] / (s * s) + r.input[(k, 2 + i)] / s;
+        let a = r.dynamics * r.state;
+        let rhs: [C; 2] = std::array::from_fn(|j| {
+            (0..8).fold(C::new(r.drive[(j, i)], 0.0), |sum, k| sum + r.dynamics[(j, k)] * rho(k))
+        });
+        let (m00, m11) = (s - a[(0, 0)], s - a[(1, 1)]);
+        let det = m00 * m11 - a[(0, 1)] * a[(1, 0)];
+        let z = [
+            (m11 * rhs[0] + a[(0, 1)] * rhs[1]) / det,
+            (m00 * rhs[1] + a[(1, 0)] * rhs[0]) / det,
+        ];
+        std::array::from_fn(|k| rho(k) + r.state[(k, 0)] * z[0] + r.state[(k, 1)] * z[1])
     }
 
     /// Column through which a channel's rows act on the sticks, at a point.

@@ -1,6 +1,6 @@
 //! What the control stage needs to know of the aircraft and its hardware.
 
-use nalgebra::{DMatrix, SMatrix, Vector4};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector4};
 use serde::{Deserialize, Serialize};
 
 /// States of the reduced model, in the order u v w p q r φ θ; m/s, rad/s, rad.
@@ -235,12 +235,28 @@ pub struct Inversion {
     /// Rows of the ground velocity in heading axes, forward and to the right,
     /// 2 × 8.
     pub ground_velocity: SMatrix<f64, 2, 8>,
-    /// Reduced A.
-    pub a: Matrix8,
-    /// Reduced B.
-    pub b: Matrix8x4,
+    /// What the aircraft does under a command, for the hybrid feed-forward.
+    pub reference: ReferenceModel,
     /// The trim.
     pub trim: TrimPoint,
+}
+
+/// The reduced model under exact inversion, driven by the references.
+///
+/// With ρ = (φ, θ, φ', θ', r, V_z) the references follow their commands
+/// exactly, so that only the horizontal velocities z = (u, v) have dynamics of
+/// their own: x_ref = `state` z + `input` ρ and z' = `dynamics` x_ref +
+/// `drive` ν.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReferenceModel {
+    /// 8 × 2.
+    pub state: SMatrix<f64, 8, 2>,
+    /// 8 × 6.
+    pub input: SMatrix<f64, 8, 6>,
+    /// First two rows of A − B B_d⁻¹ F, 2 × 8.
+    pub dynamics: SMatrix<f64, 2, 8>,
+    /// First two rows of B B_d⁻¹, 2 × 4.
+    pub drive: SMatrix<f64, 2, 4>,
 }
 
 /// Largest condition number of the scaled decoupling matrix that may be
@@ -287,14 +303,51 @@ impl Inversion {
             speed: plant.speed,
             condition,
         })?;
+        let not_invertible = PlantError::NotInvertible {
+            speed: plant.speed,
+            condition: f64::INFINITY,
+        };
+        // Body rates from attitude rates and r.
+        let mut to_rates = Matrix3::zeros();
+        for (i, row) in [0, 1].into_iter().enumerate() {
+            for j in 0..3 {
+                to_rates[(i, j)] = rates[(row, rigid::P + j)];
+            }
+        }
+        to_rates[(2, 2)] = 1.0;
+        let from_rates = to_rates.try_inverse().ok_or(not_invertible)?;
+        let mut state = SMatrix::<f64, 8, 2>::zeros();
+        let mut input = SMatrix::<f64, 8, 6>::zeros();
+        input[(rigid::PHI, 0)] = 1.0;
+        input[(rigid::THETA, 1)] = 1.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                input[(rigid::P + i, 2 + j)] = from_rates[(i, j)];
+            }
+        }
+        // w follows from V_z; a vehicle on its side has no such w.
+        let c_w = outputs[(3, rigid::W)];
+        state[(rigid::U, 0)] = 1.0;
+        state[(rigid::V, 1)] = 1.0;
+        state[(rigid::W, 0)] = -outputs[(3, rigid::U)] / c_w;
+        state[(rigid::W, 1)] = -outputs[(3, rigid::V)] / c_w;
+        input[(rigid::W, 0)] = -outputs[(3, rigid::PHI)] / c_w;
+        input[(rigid::W, 1)] = -outputs[(3, rigid::THETA)] / c_w;
+        input[(rigid::W, 5)] = 1.0 / c_w;
+        let driven = b * inverse;
+        let reference = ReferenceModel {
+            state,
+            input,
+            dynamics: (a - driven * feedback).fixed_rows::<2>(0).into_owned(),
+            drive: driven.fixed_rows::<2>(0).into_owned(),
+        };
         Ok(Self {
             outputs,
             rates,
             feedback,
             decoupling: inverse,
             ground_velocity,
-            a,
-            b,
+            reference,
             trim,
         })
     }
@@ -325,8 +378,12 @@ impl Inversion {
             feedback: self.feedback * s + other.feedback * t,
             decoupling: self.decoupling * s + other.decoupling * t,
             ground_velocity: self.ground_velocity * s + other.ground_velocity * t,
-            a: self.a * s + other.a * t,
-            b: self.b * s + other.b * t,
+            reference: ReferenceModel {
+                state: self.reference.state * s + other.reference.state * t,
+                input: self.reference.input * s + other.reference.input * t,
+                dynamics: self.reference.dynamics * s + other.reference.dynamics * t,
+                drive: self.reference.drive * s + other.reference.drive * t,
+            },
             trim,
         }
     }

@@ -8,12 +8,9 @@
 
 use super::plant::{Matrix8, Matrix8x4, ModelClass, ModelInfo, ModelSet, Plant, TrimPoint, rigid};
 use super::plant::Hardware;
+use crate::units::{FOOT, KNOT};
 use nalgebra::DMatrix;
 
-/// One foot in metres, exactly.
-const FOOT: f64 = 0.3048;
-/// One knot in m/s, exactly.
-const KNOT: f64 = 1852.0 / 3600.0;
 /// Speed of the appendix's forward-flight matrices by their own entries
 /// A(w,q) ≈ u₀, A(v,r) ≈ −u₀, m/s.
 const FORWARD_SPEED: f64 = 117.33 * FOOT;
