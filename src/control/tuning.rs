@@ -244,6 +244,7 @@ fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool
 }
 
 /// One speed and model within a channel's problem.
+#[derive(Clone)]
 struct Site {
     speed: usize,
     nominal: bool,
@@ -257,6 +258,7 @@ struct Site {
 }
 
 /// One channel over all speeds and models, other channels fixed.
+#[derive(Clone)]
 pub struct ChannelProblem<'a> {
     channel: Channel,
     spec: &'a ChannelSpec,
@@ -312,6 +314,8 @@ const MARGIN_DISTANCE: f64 = 0.5;
 const PEAK_BAND: f64 = 25.0;
 /// A violation beyond this, in slack units, makes other starts worth trying.
 const RESCUE_VIOLATION: f64 = 2e-3;
+/// Programs per such start at most.
+const RESCUE_ITERATIONS: usize = 10;
 /// Price of a unit of K_I/K_P ratio violation.
 const RATIO_PRICE: f64 = 300.0;
 
@@ -1058,7 +1062,8 @@ impl Run<'_> {
                 continue;
             }
             for (place, &(channel, spec)) in group.iter().enumerate() {
-                if merits[place].1.worst() > RESCUE_VIOLATION
+                if sweeps == 0
+                    && merits[place].1.worst() > RESCUE_VIOLATION
                     && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
                 {
                     merits[place].1 = merit;
@@ -1091,9 +1096,10 @@ impl Run<'_> {
     ) -> Result<Option<Merit>, TuningError> {
         let options = TuningOptions {
             trust: self.options.trust,
+            iterations: options.iterations.min(RESCUE_ITERATIONS),
             ..options.clone()
         };
-        let mut problem = ChannelProblem::new(
+        let problem = ChannelProblem::new(
             channel, spec, self.classes, self.models, self.speeds, gains, 1.0, &options,
         );
         let x = problem.values(gains);
@@ -1119,24 +1125,30 @@ impl Run<'_> {
             replaced(&|v| Some(scaled(0.6)(&x[v]))),
             replaced(&|v| Some(scaled(1.6)(&x[v]))),
         ];
+        // The same number of unstable poles as now, or not at all.
+        let base: &[GainSet] = gains;
+        let tried: Vec<Option<(Vec<GainSet>, Merit, TuningStats)>> = candidates
+            .into_par_iter()
+            .map(|candidate| {
+                if candidate == x || problem.merit(&candidate, Some(&x)).is_none() {
+                    return Ok(None);
+                }
+                let mut own = problem.clone();
+                let mut trial = base.to_vec();
+                own.write(&candidate, &mut trial);
+                own.run(&mut trial)?;
+                let merit = own.merit(&own.values(&trial), None);
+                Ok(merit.map(|m| (trial, m, own.stats)))
+            })
+            .collect::<Result<_, TuningError>>()?;
         let mut found = None;
-        for candidate in candidates {
-            // The same number of unstable poles as now, or not at all.
-            if candidate == x || problem.merit(&candidate, Some(&x)).is_none() {
-                continue;
-            }
-            let mut trial = gains.to_vec();
-            problem.write(&candidate, &mut trial);
-            problem.run(&mut trial)?;
-            let Some(merit) = problem.merit(&problem.values(&trial), None) else {
-                continue;
-            };
+        for (trial, merit, s) in tried.into_iter().flatten() {
+            stats.add(&s);
             if merit.total < best.total * (1.0 - 1e-3) {
                 best = merit.clone();
                 found = Some((trial, merit));
             }
         }
-        stats.add(&problem.stats);
         Ok(found.map(|(trial, merit)| {
             gains.copy_from_slice(&trial);
             merit
