@@ -31,10 +31,7 @@ fn assert_file(path: &Path, text: &str) {
 
 #[test]
 fn reference_page_is_that_of_the_format() {
-    assert_file(
-        &root().join("docs/problem-format.md"),
-        &problem::page::markdown(),
-    );
+    assert_file(&root().join("docs/problem-format.md"), &problem::page::markdown());
 }
 #[test]
 fn tmp_builtin() {

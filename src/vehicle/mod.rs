@@ -20,6 +20,7 @@ pub mod interference;
 pub mod layout;
 pub mod output;
 pub mod rotor;
+pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Scalar, Vec3};
