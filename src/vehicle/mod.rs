@@ -56,6 +56,14 @@ pub enum VehicleError {
         /// Longest period tried, in passages of the slowest rotor.
         passages: usize,
     },
+    /// An airfoil table cannot be interpolated.
+    #[error("airfoil of `{of}`: {source}")]
+    Airfoil {
+        /// Rotor or wing.
+        of: String,
+        /// What is wrong with the table.
+        source: crate::numerics::interpolation::GridError,
+    },
     /// Two rotors lie so that their interference cannot be computed.
     #[error("interference of rotor `{source_rotor}` on `{receiver}`: {message}")]
     Interference {
@@ -133,17 +141,18 @@ impl Vehicle {
     pub fn new(problem: &Problem) -> Result<Self, VehicleError> {
         let air = Air::at(&problem.atmosphere);
         let cg = &problem.mass.center_of_gravity;
-        let rotors: Vec<Rotor> =
-            problem.rotors.iter().map(|rotor| Rotor::new(rotor, cg, &air)).collect();
-        let wings: Vec<Wing> = problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect();
+        let rotors: Vec<Rotor> = problem
+            .rotors
+            .iter()
+            .map(|rotor| Rotor::new(rotor, cg, &air))
+            .collect::<Result<_, _>>()?;
+        let wings: Vec<Wing> =
+            problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
         let fuselages: Vec<Fuselage> =
             problem.fuselages.iter().map(|body| Fuselage::new(body, cg, &air)).collect();
         let m = &problem.mass;
-        let inertia = [
-            [m.i_xx, -m.i_xy, -m.i_xz],
-            [-m.i_xy, m.i_yy, -m.i_yz],
-            [-m.i_xz, -m.i_yz, m.i_zz],
-        ];
+        let inertia =
+            [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
         let (reference_speed, period) = common_period(&rotors)?;
         let layout = Layout::new(&rotors, &problem.inflow);
         let mut vehicle = Self {
@@ -207,7 +216,6 @@ impl Vehicle {
                     receiver_axis: axis_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
                     receiver_mirrored: receiver.frame.handedness < 0.0,
-                    receiver_forward: forward_in(source, receiver),
                 };
                 Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {
@@ -380,8 +388,24 @@ impl Vehicle {
                 S::compose(
                     &LoadsGoverned { rotor },
                     &[
-                        vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s, speed,
-                        acceleration, sine, cosine,
+                        vx,
+                        vy,
+                        vz,
+                        p,
+                        q,
+                        r,
+                        b1c,
+                        b1s,
+                        l0,
+                        l1c,
+                        l1s,
+                        t0,
+                        t1c,
+                        t1s,
+                        speed,
+                        acceleration,
+                        sine,
+                        cosine,
                     ],
                 )
             };
@@ -399,8 +423,7 @@ impl Vehicle {
 
             let drive = [c_t, -c_m, -c_l];
             for (k, &load) in drive.iter().enumerate() {
-                let mass =
-                    if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
+                let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
                 rates[places.self_inflow + k] =
                     (load - work.wake[index].balance[k]) * (rotor.speed / mass);
             }
@@ -528,11 +551,8 @@ impl Vehicle {
                         work.inflow[index][0],
                     ],
                 );
-                work.wake[index] = Wake {
-                    balance: [b0, b1c, b1s],
-                    circulation: [g0, g1c, g1s],
-                    skew: [xc, xs],
-                };
+                work.wake[index] =
+                    Wake { balance: [b0, b1c, b1s], circulation: [g0, g1c, g1s], skew: [xc, xs] };
             }
             let mut change = 0.0_f64;
             for (index, places) in self.layout.rotors.iter().enumerate() {
@@ -572,19 +592,11 @@ impl Vehicle {
             let [xc, xs] = wake.skew;
             let (value, by_x, by_y) = table.evaluate_with_partials([-xc.value(), xs.value()]);
             let strength = wake.circulation.map(S::value);
-            let dot = |w: &[f64; 3]| {
-                w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2]
-            };
+            let dot = |w: &[f64; 3]| w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2];
             let down = S::chain(
                 dot(&value),
                 &[-dot(&by_x), dot(&by_y), value[0], value[1], value[2]],
-                &[
-                    xc,
-                    xs,
-                    wake.circulation[0],
-                    wake.circulation[1],
-                    wake.circulation[2],
-                ],
+                &[xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]],
             ) * rotor.tip_speed();
             let axis = rotor.frame.polar[2];
             velocity += Vec3([down * axis[0], down * axis[1], down * axis[2]]);
@@ -649,9 +661,8 @@ impl Vehicle {
     ) -> (Vec3<S>, Vec3<S>) {
         let rotor = &self.rotors[index];
         let place = rotor.position_body;
-        let hub = specific_force
-            + angular.cross_constant(place)
-            + rate.cross(rate.cross_constant(place));
+        let hub =
+            specific_force + angular.cross_constant(place) + rate.cross(rate.cross_constant(place));
         let turn = rotor.frame.handedness;
         (
             hub.rotated(&rotor.frame.polar),
@@ -747,8 +758,7 @@ impl Vehicle {
             let mut residual = right;
             let still_rate = zero;
             for (index, _) in self.rotors.iter().enumerate() {
-                let (hub, angular) =
-                    self.hub_acceleration(index, still_rate, still[0], still[1]);
+                let (hub, angular) = self.hub_acceleration(index, still_rate, still[0], still[1]);
                 let (f, m) = self.returned(index, &work.blades[index], hub, angular);
                 for k in 0..3 {
                     residual[k] += f.0[k];
@@ -759,10 +769,8 @@ impl Vehicle {
                 answer[k] = S::chain(solution[k], &inverse[k], &residual);
             }
         }
-        work.acceleration = [
-            Vec3([answer[0], answer[1], answer[2]]),
-            Vec3([answer[3], answer[4], answer[5]]),
-        ];
+        work.acceleration =
+            [Vec3([answer[0], answer[1], answer[2]]), Vec3([answer[3], answer[4], answer[5]])];
     }
 }
 
@@ -772,8 +780,7 @@ fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3
     let [xc, xs] = wake.skew;
     let strength = wake.circulation.map(S::value);
     let place = [-xc.value(), xs.value()];
-    let inputs =
-        [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
+    let inputs = [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
     let dot = |row: &[f64; 3]| {
         ratio * (row[0] * strength[0] + row[1] * strength[1] + row[2] * strength[2])
     };
@@ -803,13 +810,6 @@ fn unmirrored(rotor: &Rotor, point_body: &[f64; 3]) -> [f64; 3] {
 /// Shaft axis (down) of a receiver in the source's unmirrored hub frame.
 fn axis_in(source: &Rotor, receiver: &Rotor) -> [f64; 3] {
     let mut axis = Vec3(receiver.frame.polar[2]).rotated(&source.frame.polar).0;
-    axis[1] *= source.frame.handedness;
-    axis
-}
-
-/// Forward axis of a receiver's hub in the source's unmirrored hub frame.
-fn forward_in(source: &Rotor, receiver: &Rotor) -> [f64; 3] {
-    let mut axis = Vec3(receiver.frame.polar[0]).rotated(&source.frame.polar).0;
     axis[1] *= source.frame.handedness;
     axis
 }
