@@ -237,6 +237,19 @@ impl Rotor {
         self.density * PI * self.radius.powi(4) * self.speed * self.speed
     }
 
+    /// Area of one blade ∫c dr, m².
+    #[must_use]
+    pub fn blade_area(&self) -> f64 {
+        self.elements.iter().map(|e| e.half_density_area).sum::<f64>() / (0.5 * self.density)
+    }
+
+    /// Built-in twist of the element nearest to a station r/R, rad.
+    #[must_use]
+    pub fn twist_at(&self, station: f64) -> f64 {
+        let off = |e: &Element| (e.radius / self.radius - station).abs();
+        self.elements.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map_or(0.0, |e| e.twist)
+    }
+
     /// Tip speed ΩR at nominal speed, m/s.
     #[must_use]
     pub fn tip_speed(&self) -> f64 {
