@@ -303,7 +303,7 @@ fn gains() -> Figure {
     let speed = sample(0.0, 80.0, 9);
     let names = ["roll", "pitch", "yaw"];
     let mut panels = Vec::new();
-    for (row, (gain, unit)) in [("K_P", "1/s²"), ("K_I", "1/s³"), ("K_D", "1/s")]
+    for (row, (gain, unit)) in [("K_{P}", "1/s²"), ("K_{I}", "1/s³"), ("K_{D}", "1/s")]
         .into_iter()
         .enumerate()
     {
@@ -497,7 +497,7 @@ fn interference() -> Figure {
             ),
             panel(
                 "",
-                "interference factor 2 G₁₁",
+                "interference factor 2G_{11}",
                 "",
                 vec![
                     curve(

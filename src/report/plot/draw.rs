@@ -82,7 +82,7 @@ fn text(x: f64, y: f64, anchor: &str, size: f64, color: &str, content: &str) -> 
         px(x),
         px(y),
         fill(color),
-        escape(content)
+        rich(content, size)
     )
 }
 
@@ -96,8 +96,68 @@ fn halo_text(x: f64, y: f64, anchor: &str, size: f64, color: &str, content: &str
         px(y),
         role(color),
         role("bg"),
-        escape(content)
+        rich(content, size)
     )
+}
+
+/// The runs of a label and how far each is shifted down, px: `_{...}` is a
+/// subscript, `^{...}` a superscript.
+fn runs(label: &str) -> Vec<(&str, f64)> {
+    let mut found = Vec::new();
+    let mut rest = label;
+    let next = |s: &str| match (s.find("_{"), s.find("^{")) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    };
+    while let Some(at) = next(rest) {
+        let Some(length) = rest[at..].find('}') else {
+            break;
+        };
+        let shift = if rest[at..].starts_with('_') {
+            3.0
+        } else {
+            -4.0
+        };
+        found.push((&rest[..at], 0.0));
+        found.push((&rest[at + 2..at + length], shift));
+        rest = &rest[at + length + 1..];
+    }
+    found.push((rest, 0.0));
+    found.retain(|(run, _)| !run.is_empty());
+    found
+}
+
+/// A label as SVG text content.
+fn rich(label: &str, size: f64) -> String {
+    let mut out = String::new();
+    // In SVG a shift holds for all that follows.
+    let mut now = 0.0;
+    for (run, shift) in runs(label) {
+        let mut words = escape(run);
+        if words.starts_with(' ') && !out.is_empty() {
+            // Some viewers drop a blank at the start of a run.
+            words.replace_range(..1, "\u{a0}");
+        }
+        let dy = shift - now;
+        let _ = if shift != 0.0 {
+            let small = px(0.75 * size);
+            write!(
+                out,
+                "<tspan dy=\"{dy}\" font-size=\"{small}\">{words}</tspan>"
+            )
+        } else if dy != 0.0 {
+            write!(out, "<tspan dy=\"{dy}\">{words}</tspan>")
+        } else {
+            write!(out, "{words}")
+        };
+        now = shift;
+    }
+    out
+}
+
+/// A label without the markup of [`rich`].
+fn plain(label: &str) -> String {
+    runs(label).into_iter().map(|(run, _)| run).collect()
 }
 
 fn rule(a: [f64; 2], b: [f64; 2]) -> String {
@@ -149,7 +209,7 @@ fn wrap(content: &str, size: f64, width: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in content.split_whitespace() {
         match lines.last_mut() {
-            Some(line) if text_width(&format!("{line} {word}"), size) <= width => {
+            Some(line) if text_width(&plain(&format!("{line} {word}")), size) <= width => {
                 line.push(' ');
                 line.push_str(word);
             }
@@ -226,11 +286,13 @@ fn entries(panel: &Panel) -> Vec<Entry> {
             found.push(entry);
         }
     }
+    // Curves before regions.
+    found.sort_by_key(|e| matches!(e.sample, Sample::Swatch(_)));
     found
 }
 
 fn entry_width(entry: &Entry) -> f64 {
-    LEGEND_SAMPLE + 6.0 + text_width(&entry.label, LEGEND_SIZE)
+    LEGEND_SAMPLE + 6.0 + text_width(&plain(&entry.label), LEGEND_SIZE)
 }
 
 /// Ranges and ticks of a panel, before its place is known.
@@ -324,7 +386,7 @@ fn plans(figure: &Figure) -> Vec<Plan> {
             }
             let x_ticks = x.map_or_else(empty_ticks, |(low, high)| {
                 // Fewer ticks where their labels are long.
-                let mut most = (width / 42.0).clamp(3.0, 12.0) as usize;
+                let mut most = (width / 32.0).clamp(3.0, 12.0) as usize;
                 loop {
                     let ticks = panel.x.ticks(low, high, most);
                     let widest = ticks
@@ -343,7 +405,7 @@ fn plans(figure: &Figure) -> Vec<Plan> {
                 let most = if panel.heatmap.is_some() {
                     usize::MAX
                 } else {
-                    (height / 26.0).clamp(3.0, 10.0) as usize
+                    (height / 19.0).clamp(3.0, 10.0) as usize
                 };
                 panel.y.ticks(low, high, most)
             });
@@ -367,7 +429,12 @@ struct Margins {
     bottom: f64,
 }
 
-fn margins(panel: &Panel, plan: &Plan, legend_right: bool) -> Margins {
+/// The label of the y axis, broken where it is longer than the axis.
+fn y_caption(panel: &Panel, height: f64) -> Vec<String> {
+    wrap(&panel.y.caption(), LABEL_SIZE, height + 8.0)
+}
+
+fn margins(panel: &Panel, plan: &Plan, height: f64, legend_right: bool) -> Margins {
     let widest = plan
         .y_ticks
         .major
@@ -380,8 +447,9 @@ fn margins(panel: &Panel, plan: &Plan, legend_right: bool) -> Margins {
         top: 8.0,
         bottom: 10.0,
     };
-    if !panel.y.caption().is_empty() {
-        m.left += LABEL_SIZE + 6.0;
+    let lines = y_caption(panel, height).len();
+    if lines > 0 {
+        m.left += 5.0 + lines as f64 * (LABEL_SIZE + 2.0);
     }
     if !panel.title.is_empty() {
         m.top += PANEL_TITLE_SIZE + 5.0;
@@ -420,6 +488,7 @@ pub(super) fn figure(figure: &Figure) -> String {
             shared.push(entry);
         }
     }
+    shared.sort_by_key(|e| matches!(e.sample, Sample::Swatch(_)));
     let above = match figure.legend {
         Legend::Above => true,
         Legend::Auto => {
@@ -428,8 +497,7 @@ pub(super) fn figure(figure: &Figure) -> String {
                     .panels
                     .iter()
                     .map(entries)
-                    .filter(|e| !e.is_empty())
-                    .all(|e| e.len() == shared.len())
+                    .any(|e| e.len() == shared.len())
         }
         _ => false,
     };
@@ -444,7 +512,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         .panels
         .iter()
         .zip(&plans)
-        .map(|(panel, plan)| margins(panel, plan, right))
+        .map(|(panel, plan)| margins(panel, plan, height, right))
         .collect();
     let over = |pick: fn(&Margins) -> f64, stride: (usize, usize)| -> f64 {
         all.iter()
@@ -547,6 +615,7 @@ pub(super) fn figure(figure: &Figure) -> String {
                     panel,
                     plan,
                     frame,
+                    left: lefts[column],
                     index,
                 };
                 artist.draw(inside, right);
@@ -592,12 +661,16 @@ fn describe(figure: &Figure) -> String {
         .panels
         .iter()
         .map(|panel| {
-            let names: Vec<&str> = panel
+            let names: Vec<String> = panel
                 .series()
-                .map(|s| s.label.as_str())
+                .map(|s| plain(&s.label))
                 .filter(|l| !l.is_empty())
                 .collect();
-            let what = format!("{} against {}", panel.y.caption(), panel.x.caption());
+            let what = plain(&format!(
+                "{} against {}",
+                panel.y.caption(),
+                panel.x.caption()
+            ));
             if names.is_empty() {
                 what
             } else {
@@ -666,7 +739,13 @@ fn legend_entry(out: &mut String, entry: &Entry, x: f64, baseline: f64) {
                 let _ = write!(
                     out,
                     "{}",
-                    mark(*marker, *color, [x + 0.5 * LEGEND_SAMPLE, middle], "")
+                    mark(
+                        *marker,
+                        *color,
+                        [x + 0.5 * LEGEND_SAMPLE, middle],
+                        *has_line,
+                        ""
+                    )
                 );
             }
             let _ = write!(out, "</g>");
@@ -715,8 +794,9 @@ fn curve_path(d: &str, color: usize, dash: usize, width: f64) -> String {
     )
 }
 
-/// A mark with an optional hover text. Even markers are filled, odd ones open.
-fn mark(marker: usize, color: usize, [x, y]: [f64; 2], hover: &str) -> String {
+/// A mark with an optional hover text. Even markers are filled, odd ones open;
+/// open ones cover the line they are on, but not other marks.
+fn mark(marker: usize, color: usize, [x, y]: [f64; 2], on_line: bool, hover: &str) -> String {
     let corners = |points: &[[f64; 2]]| -> String {
         let mut d = String::new();
         for (i, p) in points.iter().enumerate() {
@@ -751,8 +831,10 @@ fn mark(marker: usize, color: usize, [x, y]: [f64; 2], hover: &str) -> String {
     let ink = LIGHT_PALETTE[color % STYLE_COUNT];
     let (class, inside) = if solid {
         (format!("cx-f-{color}"), ink)
-    } else {
+    } else if on_line {
         ("cx-f-bg".to_string(), role("bg"))
+    } else {
+        ("cx-open".to_string(), "none")
     };
     let title = if hover.is_empty() {
         String::new()
@@ -771,6 +853,8 @@ struct Artist<'a> {
     panel: &'a Panel,
     plan: &'a Plan,
     frame: Frame,
+    /// Space of the column to the left of its frames.
+    left: f64,
     index: usize,
 }
 
@@ -1042,7 +1126,7 @@ impl Artist<'_> {
         let gaps = series.points.len() - shown.len();
         let mut out = format!(
             "{}: {} points, {} to {} {}",
-            series.label,
+            plain(&series.label),
             shown.len(),
             readable(low),
             readable(high),
@@ -1068,7 +1152,7 @@ impl Artist<'_> {
                 let hover = if few {
                     format!(
                         "{}: {} {}, {} {}",
-                        series.label,
+                        plain(&series.label),
                         readable(p[0]),
                         panel.x.unit,
                         readable(p[1]),
@@ -1081,6 +1165,7 @@ impl Artist<'_> {
                     series.marker,
                     series.color,
                     pixel,
+                    series.has_line,
                     hover.trim_start_matches(": ").trim_end(),
                 ));
             }
@@ -1093,6 +1178,7 @@ impl Artist<'_> {
     fn writing(&mut self, to_x: &Map, to_y: &Map) {
         let frame = self.frame;
         let mut verticals = 0;
+        let mut placed: Vec<Frame> = Vec::new();
         let panel = self.panel;
         for item in &panel.items {
             match item {
@@ -1139,8 +1225,12 @@ impl Artist<'_> {
                         .iter()
                         .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
                         .collect();
-                    if let Some(note) = guide_label(&frame, &pixels, label) {
-                        self.put(&note);
+                    if let Some((note, place)) = guide_label(&frame, &pixels, label) {
+                        // Crowded guides are named as far as there is room.
+                        if !placed.iter().any(|p| p.overlaps(&place)) {
+                            self.put(&note);
+                            placed.push(place);
+                        }
                     }
                 }
                 Item::Text {
@@ -1156,8 +1246,8 @@ impl Artist<'_> {
                     let (x, y, side) = match anchor {
                         Anchor::Right => (x + 6.0, y + 3.4, "start"),
                         Anchor::Left => (x - 6.0, y + 3.4, "end"),
-                        Anchor::Above => (x, y - 6.0, "middle"),
-                        Anchor::Below => (x, y + NOTE_SIZE + 4.0, "middle"),
+                        Anchor::Above => (x, y - 8.0, "middle"),
+                        Anchor::Below => (x, y + NOTE_SIZE + 6.0, "middle"),
                     };
                     let note = halo_text(x, y, side, NOTE_SIZE, "fg", note);
                     self.put(&note);
@@ -1277,7 +1367,7 @@ impl Artist<'_> {
                 px(f.x + 0.5 * f.width),
                 px(f.y - lift),
                 fill("fg"),
-                escape(&panel.title)
+                rich(&panel.title, PANEL_TITLE_SIZE)
             ));
         }
         let caption = panel.x.caption();
@@ -1292,24 +1382,17 @@ impl Artist<'_> {
                 &caption,
             ));
         }
-        let caption = panel.y.caption();
-        if !caption.is_empty() {
-            let widest = self
-                .plan
-                .y_ticks
-                .major
-                .iter()
-                .map(|t| label_width(&t.label))
-                .fold(12.0, f64::max);
-            let x = f.x - TICK_LENGTH - 4.0 - widest - 7.0;
-            let y = f.y + 0.5 * f.height;
+        // At the edge of the column, so that the labels of a column line up.
+        let x = f.x - self.left + LABEL_SIZE;
+        let y = f.y + 0.5 * f.height;
+        for (line, words) in y_caption(panel, f.height).iter().enumerate() {
             self.put(&format!(
                 "<text transform=\"translate({} {}) rotate(-90)\" text-anchor=\"middle\" \
                  font-size=\"{LABEL_SIZE}\" {}>{}</text>",
-                px(x),
+                px(x + line as f64 * (LABEL_SIZE + 2.0)),
                 px(y),
                 fill("fg"),
-                escape(&caption)
+                rich(words, LABEL_SIZE)
             ));
         }
     }
@@ -1317,7 +1400,12 @@ impl Artist<'_> {
     /// Says in the panel what it does not show.
     fn notes(&mut self) {
         let f = self.frame;
-        let notes = self.panel.notes();
+        let notes: Vec<String> = self
+            .panel
+            .notes()
+            .iter()
+            .flat_map(|note| wrap(&plain(note), NOTE_SIZE, f.width - 12.0))
+            .collect();
         for (i, note) in notes.iter().rev().enumerate() {
             let y = f.bottom() - 6.0 - i as f64 * (NOTE_SIZE + 3.0);
             if y < f.y + NOTE_SIZE {
@@ -1468,7 +1556,7 @@ impl Artist<'_> {
                     let [r, g, b] = sequential_color(fraction(value));
                     (
                         format!("#{r:02x}{g:02x}{b:02x}"),
-                        typographic(&fixed(value, map.decimals)),
+                        typographic(&honest(value, map.decimals, map.threshold)),
                     )
                 } else {
                     ("none".to_string(), "–".to_string())
@@ -1596,8 +1684,21 @@ impl Artist<'_> {
     }
 }
 
+/// A number that does not round up to a threshold it is below: up to three more
+/// decimals are written to show the difference.
+fn honest(value: f64, decimals: usize, threshold: Option<f64>) -> String {
+    let reads = |text: &str| text.parse::<f64>().unwrap_or(f64::NAN);
+    match threshold {
+        Some(limit) if value < limit => (decimals..=decimals + 3)
+            .map(|d| fixed(value, d))
+            .find(|text| reads(text) < limit)
+            .unwrap_or_else(|| fixed(value, decimals)),
+        _ => fixed(value, decimals),
+    }
+}
+
 /// The label of a guide, just inside where it leaves the frame.
-fn guide_label(frame: &Frame, pixels: &[[f64; 2]], label: &str) -> Option<String> {
+fn guide_label(frame: &Frame, pixels: &[[f64; 2]], label: &str) -> Option<(String, Frame)> {
     let last = pixels
         .windows(2)
         .filter(|pair| pair.iter().flatten().all(|v| v.is_finite()))
@@ -1619,5 +1720,18 @@ fn guide_label(frame: &Frame, pixels: &[[f64; 2]], label: &str) -> Option<String
     } else {
         y - 2.0
     };
-    Some(halo_text(x, y, anchor, NOTE_SIZE - 0.5, "muted", label))
+    let width = text_width(label, NOTE_SIZE);
+    let left = match anchor {
+        "start" => x,
+        "end" => x - width,
+        _ => x - 0.5 * width,
+    };
+    let place = Frame {
+        x: left,
+        y: y - NOTE_SIZE,
+        width,
+        height: NOTE_SIZE,
+    };
+    let note = halo_text(x, y, anchor, NOTE_SIZE - 0.5, "muted", label);
+    Some((note, place))
 }

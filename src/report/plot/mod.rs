@@ -19,6 +19,9 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
+//! In titles, labels and names `_{...}` is set as a subscript and `^{...}` as a
+//! superscript: `K_{P}`.
+//!
 //! What cannot be drawn is said in the figure itself and by [`Figure::notes`]:
 //! a panel without finite data, a series whose coordinates differ in number,
 //! points that a logarithmic axis cannot show.

@@ -93,6 +93,13 @@ impl Frame {
         }
     }
 
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.x < other.right()
+            && other.x < self.right()
+            && self.y < other.bottom()
+            && other.y < self.bottom()
+    }
+
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         x >= self.x && x <= self.right() && y >= self.y && y <= self.bottom()
     }

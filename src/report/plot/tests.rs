@@ -260,7 +260,7 @@ fn a_heatmap_writes_its_numbers_and_marks_what_fails() {
     );
     let svg = figure.to_svg();
     parse(&svg);
-    for number in [">12.3<", ">0.0<", ">−5.0<", ">–<"] {
+    for number in [">12.3<", ">−0.04<", ">−5.0<", ">–<"] {
         assert!(svg.contains(number), "{number}");
     }
     assert_eq!(svg.matches("text-decoration=\"underline\"").count(), 2);
@@ -287,4 +287,23 @@ fn text_is_given_enough_room() {
         height: 1.0,
     };
     assert!(frame.contains([1.0, 0.0]) && !frame.contains([1.1, 0.0]));
+}
+
+#[test]
+fn subscripts_are_set_and_stripped_from_hover_texts() {
+    let figure = Figure::new("t").panel(
+        Panel::new(
+            Axis::linear("x", ""),
+            Axis::linear("K_{P} & more", "1/s^{2}"),
+        )
+        .line(Series::new("K_{I}, b_c", &[0.0, 1.0], &[0.0, 1.0])),
+    );
+    let svg = figure.to_svg();
+    parse(&svg);
+    let set = "K<tspan dy=\"3\" font-size=\"8.25\">P</tspan>\
+               <tspan dy=\"-3\">\u{a0}&amp; more (1/s</tspan>\
+               <tspan dy=\"-4\" font-size=\"8.25\">2</tspan><tspan dy=\"4\">)</tspan>";
+    assert!(svg.contains(set), "{svg}");
+    assert!(svg.contains("<title>KI, b_c: 2 points"));
+    assert!(svg.contains(", b_c</tspan></text>"));
 }
