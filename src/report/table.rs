@@ -7,6 +7,8 @@ use std::io::IsTerminal as _;
 
 use unicode_width::UnicodeWidthStr as _;
 
+use super::plot::escape;
+
 /// How the numbers of a column are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Digits {
@@ -442,6 +444,62 @@ impl Table {
                 .map(|(cells, (c, &w))| pad(&cells[index], w, c.side))
                 .collect()));
         }
+        out
+    }
+
+    /// The table as an HTML `<table>`: units under the names, numbers to the
+    /// right, tones as the classes `good`, `warning` and `bad`.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let laid = self.laid();
+        let mut out = String::from("<table>\n");
+        if !self.title.is_empty() {
+            out.push_str(&format!("<caption>{}</caption>\n", escape(&self.title)));
+        }
+        let side = |c: &Laid| match c.side {
+            Side::Left => "",
+            Side::Right => " class=\"number\"",
+        };
+        out.push_str("<thead><tr>");
+        for c in &laid {
+            let unit = if c.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" <span class=\"unit\">{}</span>", escape(&c.unit))
+            };
+            out.push_str(&format!(
+                "<th scope=\"col\"{}>{}{unit}</th>",
+                side(c),
+                escape(&c.name)
+            ));
+        }
+        out.push_str("</tr></thead>\n<tbody>\n");
+        for (index, row) in self.rows.iter().enumerate() {
+            out.push_str("<tr>");
+            for (c, cell) in laid.iter().zip(row) {
+                let tone = match cell.tone {
+                    Tone::Plain => "",
+                    Tone::Good => "good",
+                    Tone::Warning => "warning",
+                    Tone::Bad => "bad",
+                };
+                let number = if c.side == Side::Right { "number" } else { "" };
+                let class = format!("{number} {tone}");
+                let class = match class.trim() {
+                    "" => String::new(),
+                    class => format!(" class=\"{class}\""),
+                };
+                // Blanks after the number keep the points in line.
+                let text = c.cells[index].trim_start().replace(' ', "\u{2007}");
+                let text = match cell.content {
+                    Content::Number(_) => text,
+                    _ => c.cells[index].clone(),
+                };
+                out.push_str(&format!("<td{class}>{}</td>", escape(&text)));
+            }
+            out.push_str("</tr>\n");
+        }
+        out.push_str("</tbody>\n</table>\n");
         out
     }
 

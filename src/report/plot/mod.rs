@@ -32,7 +32,10 @@ mod draw;
 mod svg;
 
 pub use axis::{Axis, Scale};
+pub(super) use colors::variables;
 pub use colors::{DARK_PALETTE, LIGHT_PALETTE, STYLESHEET, sequential_color};
+
+pub(super) use svg::escape;
 
 /// Number of distinct looks; style indices wrap around.
 pub const STYLE_COUNT: usize = 8;

@@ -25,7 +25,7 @@ fn glyph_width(c: char) -> f64 {
 /// Text made safe for element content and for attribute values.
 ///
 /// Control characters that XML 1.0 forbids become U+FFFD.
-pub(super) fn escape(text: &str) -> String {
+pub(in crate::report) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
