@@ -16,7 +16,7 @@ use coaxdesign::report::figures::{
 };
 use coaxdesign::report::html::{Page, Section};
 use coaxdesign::report::plot::{Axis, Figure, Legend, Panel, Series, Tone};
-use coaxdesign::report::table::{Cell, Column, Digits, Table, Tone as TableTone};
+use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table};
 use num_complex::Complex64;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -64,12 +64,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     table.row([
         Cell::from(0.0),
         Cell::from(74.88),
-        Cell::from("converged").tone(TableTone::Good),
+        Cell::from("converged").highlight(Highlight::Good),
     ]);
     table.row([
         Cell::from(80.0),
         Cell::from(8.125),
-        Cell::from("stalled").tone(TableTone::Bad),
+        Cell::from("stalled").highlight(Highlight::Bad),
     ]);
     page = page.section(Section::new("table").table(table));
     std::fs::write(folder.join("index.html"), page.to_html())?;

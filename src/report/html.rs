@@ -219,7 +219,8 @@ fn write_block(out: &mut String, block: &Block, number: &mut usize) {
             };
             let _ = writeln!(
                 out,
-                "<figure>\n<div class=\"plot\" tabindex=\"0\">\n{svg}</div>\n\
+                "<figure>\n<div class=\"plot\" tabindex=\"0\" role=\"group\" aria-label=\"Figure {number}\">\n\
+                 {svg}</div>\n\
                  <output class=\"readout\"></output>\n\
                  <figcaption>Figure {number}. {}</figcaption>\n{notes}</figure>",
                 escape(text)
@@ -344,6 +345,10 @@ const SCRIPT: &str = r#""use strict";
         show();
       }
     });
+    plot.addEventListener("focus", function () {
+      readout.textContent = "+ and \u2212 zoom, arrows move, 0 shows all";
+    });
+    plot.addEventListener("blur", function () { readout.textContent = ""; });
     plot.addEventListener("pointerleave", function () { readout.textContent = ""; });
 
     var drag = null;
@@ -385,7 +390,7 @@ const SCRIPT: &str = r#""use strict";
 mod tests {
     use super::*;
     use crate::report::plot::{Axis, Panel, Series};
-    use crate::report::table::{Cell, Column, Digits, Tone};
+    use crate::report::table::{Cell, Column, Digits, Highlight};
     use quick_xml::events::Event;
     use std::collections::BTreeSet;
 
@@ -402,7 +407,10 @@ mod tests {
                 Column::number("margin", "%", Digits::Decimals(1)),
             ],
         );
-        table.row([Cell::from("roll <phase>"), Cell::from(-3.0).tone(Tone::Bad)]);
+        table.row([
+            Cell::from("roll <phase>"),
+            Cell::from(-3.0).highlight(Highlight::Bad),
+        ]);
         Page::new("Report on <this>")
             .summary("all & sundry")
             .section(
@@ -482,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn preformatted_text_keeps_its_lines_and_tables_their_tones() {
+    fn preformatted_text_keeps_its_lines_and_tables_their_highlights() {
         let html = sample().to_html();
         assert!(html.contains("a &lt; b\n  c &amp; d</pre>"));
         assert!(html.contains("<td class=\"number bad\">-3.0</td>"));

@@ -21,7 +21,7 @@ pub enum Digits {
 /// How much attention a cell asks for. It is shown by colour on terminals only,
 /// so the text of the cell must say it too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Tone {
+pub enum Highlight {
     /// None.
     #[default]
     Plain,
@@ -37,7 +37,7 @@ pub enum Tone {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
     content: Content,
-    tone: Tone,
+    highlight: Highlight,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -53,14 +53,14 @@ impl Cell {
     pub fn empty() -> Self {
         Self {
             content: Content::Empty,
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 
     /// The same cell, asking for attention.
     #[must_use]
-    pub fn tone(mut self, tone: Tone) -> Self {
-        self.tone = tone;
+    pub fn highlight(mut self, highlight: Highlight) -> Self {
+        self.highlight = highlight;
         self
     }
 }
@@ -75,7 +75,7 @@ impl From<String> for Cell {
     fn from(text: String) -> Self {
         Self {
             content: Content::Text(text),
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 }
@@ -84,7 +84,7 @@ impl From<f64> for Cell {
     fn from(value: f64) -> Self {
         Self {
             content: Content::Number(value),
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 }
@@ -374,11 +374,11 @@ impl Table {
                 .zip(row)
                 .map(|(c, cell)| {
                     let text = pad(&c.cells[index], c.width, c.side);
-                    match (coloring, cell.tone) {
-                        (Coloring::Off, _) | (_, Tone::Plain) => text,
-                        (_, Tone::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
-                        (_, Tone::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
-                        (_, Tone::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
+                    match (coloring, cell.highlight) {
+                        (Coloring::Off, _) | (_, Highlight::Plain) => text,
+                        (_, Highlight::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
+                        (_, Highlight::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
+                        (_, Highlight::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
                     }
                 })
                 .collect();
@@ -448,7 +448,7 @@ impl Table {
     }
 
     /// The table as an HTML `<table>`: units under the names, numbers to the
-    /// right, tones as the classes `good`, `warning` and `bad`.
+    /// right, highlights as the classes `good`, `warning` and `bad`.
     #[must_use]
     pub fn to_html(&self) -> String {
         let laid = self.laid();
@@ -477,14 +477,14 @@ impl Table {
         for (index, row) in self.rows.iter().enumerate() {
             out.push_str("<tr>");
             for (c, cell) in laid.iter().zip(row) {
-                let tone = match cell.tone {
-                    Tone::Plain => "",
-                    Tone::Good => "good",
-                    Tone::Warning => "warning",
-                    Tone::Bad => "bad",
+                let class = match cell.highlight {
+                    Highlight::Plain => "",
+                    Highlight::Good => "good",
+                    Highlight::Warning => "warning",
+                    Highlight::Bad => "bad",
                 };
                 let number = if c.side == Side::Right { "number" } else { "" };
-                let class = format!("{number} {tone}");
+                let class = format!("{number} {class}");
                 let class = match class.trim() {
                     "" => String::new(),
                     class => format!(" class=\"{class}\""),
@@ -565,13 +565,13 @@ mod tests {
             Cell::from("hover"),
             Cell::from(3.407),
             Cell::from(74.88),
-            Cell::from("converged").tone(Tone::Good),
+            Cell::from("converged").highlight(Highlight::Good),
         ]);
         table.row([
             Cell::from("40 kt → 50 kt"),
             Cell::from(-0.001),
             Cell::from(8.125),
-            Cell::from("stalled").tone(Tone::Bad),
+            Cell::from("stalled").highlight(Highlight::Bad),
         ]);
         table.row([Cell::from("60 kt"), Cell::from(f64::NAN), Cell::from(124.9)]);
         table

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use super::axis::{Map, Tick, TickLabel, Ticks};
 use super::colors::{LIGHT_PALETTE, STYLESHEET, luminance, role, sequential_color};
 use super::svg::{
-    Frame, clip_segment, coordinate as px, escape, fixed, polygon, polyline, text_width,
+    Frame, clip_segment, coordinate as px, escape, fixed, polygon, polyline, text_width, thinned,
     typographic,
 };
 use super::{Anchor, Figure, Heatmap, Item, Legend, Panel, STYLE_COUNT, Series, Tone};
@@ -624,7 +624,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         }
         y += height + bottoms[row];
     }
-    let total_height = y + OUTER_MARGIN;
+    let total_height = y + 2.0;
 
     let description = if figure.description.is_empty() {
         describe(figure)
@@ -997,6 +997,7 @@ impl Artist<'_> {
                     points,
                     outlined,
                     label,
+                    ..
                 } => {
                     let pixels: Vec<[f64; 2]> = points
                         .iter()
@@ -1100,7 +1101,7 @@ impl Artist<'_> {
                 .iter()
                 .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
                 .collect();
-            let d = polyline(&wide, &pixels);
+            let d = polyline(&wide, &thinned(pixels));
             if d.is_empty() {
                 continue;
             }
@@ -1546,8 +1547,9 @@ impl Artist<'_> {
             _ => String::new(),
         };
         let mut frames = String::new();
-        for (row, values) in map.values.iter().enumerate() {
-            for (column, &value) in values.iter().enumerate() {
+        let (rows, columns) = (self.panel.y.places(), self.panel.x.places());
+        for (row, values) in map.values.iter().enumerate().take(rows) {
+            for (column, &value) in values.iter().enumerate().take(columns) {
                 let (c, r) = (column as f64, row as f64);
                 let (x0, x1) = (to_x.pixel(c - 0.5), to_x.pixel(c + 0.5));
                 let (y0, y1) = (to_y.pixel(r - 0.5), to_y.pixel(r + 0.5));

@@ -161,6 +161,36 @@ fn points_without_a_place_on_a_log_axis_are_counted() {
     );
 }
 
+#[test]
+fn a_range_or_a_table_that_does_not_fit_is_said() {
+    let names = |n: &[&str]| n.iter().map(|s| (*s).to_string()).collect::<Vec<_>>();
+    let figure = Figure::new("t")
+        .panel(
+            Panel::new(Axis::log("x", "").range(0.0, 1.0), Axis::linear("y", ""))
+                .line(Series::new("s", &[0.1, 1.0], &[1.0, 2.0]))
+                .fill_between(&[0.1, 1.0], &[0.0], &[1.0, 2.0], Tone::Neutral, "spread"),
+        )
+        .panel(
+            Panel::new(
+                Axis::categories("x", "", &names(&["a"])),
+                Axis::categories("y", "", &names(&["b"])),
+            )
+            .heatmap(&[vec![1.0, 123.0], vec![456.0]], "margin", 0, None),
+        );
+    assert_eq!(
+        figure.notes(),
+        [
+            "x axis: no range from 0 to 1",
+            "spread: not filled, 2 abscissae but 1 lower and 2 upper bounds",
+            "margin: the values do not fill 1 rows of 1",
+        ]
+    );
+    let svg = figure.to_svg();
+    assert!(svg.contains("margin: the values do not fill"));
+    // Nothing is drawn outside the named places.
+    assert!(!svg.contains(">123<") && !svg.contains(">456<"));
+}
+
 /// Every coordinate of every path of curves in the figure.
 fn path_points(svg: &str) -> Vec<[f64; 2]> {
     let mut found = Vec::new();
