@@ -133,20 +133,23 @@ fn rich(label: &str, size: f64) -> String {
     // In SVG a shift holds for all that follows.
     let mut now = 0.0;
     for (run, shift) in runs(label) {
-        let mut words = escape(run);
-        if words.starts_with(' ') && !out.is_empty() {
-            // Some viewers drop a blank at the start of a run.
-            words.replace_range(..1, "\u{a0}");
-        }
         let dy = shift - now;
+        // Some viewers drop a blank at the start of a run: move instead.
+        let blank = dy != 0.0 && run.starts_with(' ');
+        let words = escape(if blank { &run[1..] } else { run });
+        let dx = if blank {
+            format!(" dx=\"{}\"", px(0.3 * size))
+        } else {
+            String::new()
+        };
         let _ = if shift != 0.0 {
             let small = px(0.75 * size);
             write!(
                 out,
-                "<tspan dy=\"{dy}\" font-size=\"{small}\">{words}</tspan>"
+                "<tspan dy=\"{dy}\"{dx} font-size=\"{small}\">{words}</tspan>"
             )
         } else if dy != 0.0 {
-            write!(out, "<tspan dy=\"{dy}\">{words}</tspan>")
+            write!(out, "<tspan dy=\"{dy}\"{dx}>{words}</tspan>")
         } else {
             write!(out, "{words}")
         };

@@ -331,7 +331,7 @@ fn subscripts_are_set_and_stripped_from_hover_texts() {
     let svg = figure.to_svg();
     parse(&svg);
     let set = "K<tspan dy=\"3\" font-size=\"8.25\">P</tspan>\
-               <tspan dy=\"-3\">\u{a0}&amp; more (1/s</tspan>\
+               <tspan dy=\"-3\" dx=\"3.30\">&amp; more (1/s</tspan>\
                <tspan dy=\"-4\" font-size=\"8.25\">2</tspan><tspan dy=\"4\">)</tspan>";
     assert!(svg.contains(set), "{svg}");
     assert!(svg.contains("<title>KI, b_c: 2 points"));
