@@ -26,14 +26,14 @@ pub mod dense;
 pub mod floquet;
 pub mod frequency;
 pub mod harmonic;
-//pub mod io;
+pub mod io;
 pub mod model;
 pub mod modes;
 pub mod reduction;
 pub mod reference;
-//pub mod set;
-//pub mod structure;
-//pub mod time_response;
+pub mod set;
+pub mod structure;
+pub mod time_response;
 
 pub use model::{Channel, PeriodicModel, StateSpace};
 
@@ -141,7 +141,5 @@ pub enum LinearError {
 }
 
 fn suggestion(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
+    nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
 }
