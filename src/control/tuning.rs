@@ -15,7 +15,8 @@
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::kite::Kite;
 use super::loops::{
-    Affine, ChannelLoops, Cut, FrequencyModel, LawSettings, LoopModel, affine_value, real_row, without_hold,
+    Affine, ChannelLoops, Cut, FrequencyModel, LawSettings, LoopModel, affine_value, real_row,
+    without_hold,
 };
 use super::metrics;
 use super::plant::{Hardware, Inversion, ModelClass, ModelSet, Plant, PlantError};
@@ -339,11 +340,8 @@ impl<'a> ChannelProblem<'a> {
             .collect();
         // The effector cut comes first: activity is counted there. An outer
         // loop also has margins of its own.
-        let cuts: &[Cut] = if channel.is_outer() {
-            &[Cut::Effector, Cut::Channel]
-        } else {
-            &[Cut::Effector]
-        };
+        let cuts: &[Cut] =
+            if channel.is_outer() { &[Cut::Effector, Cut::Channel] } else { &[Cut::Effector] };
         let sites = pairs
             .par_iter()
             .map(|&(v, m)| {
@@ -355,9 +353,8 @@ impl<'a> ChannelProblem<'a> {
                     targets.gain_down.powf(growth) * back,
                     targets.phase * growth + options.phase_back_off,
                 );
-                let rejection_points = targets
-                    .drb
-                    .map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
+                let rejection_points =
+                    targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
                 Site {
                     speed: v,
                     nominal: m == 0,
@@ -382,7 +379,8 @@ impl<'a> ChannelProblem<'a> {
         let x = problem.values(gains);
         for site in &problem.sites {
             if site.nominal {
-                problem.reference_activity[site.speed] = site.activity_squared(&x[site.speed]).max(1e-12);
+                problem.reference_activity[site.speed] =
+                    site.activity_squared(&x[site.speed]).max(1e-12);
             }
         }
         problem
@@ -413,15 +411,14 @@ impl<'a> ChannelProblem<'a> {
             .par_iter()
             .map(|site| {
                 let old = reference.map(|r| r[site.speed].as_slice());
-                site.violations(&x[site.speed], old, self.options)
-                    .map(|v| {
-                        let activity = if site.nominal {
-                            site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
-                        } else {
-                            0.0
-                        };
-                        (site.speed, v, activity)
-                    })
+                site.violations(&x[site.speed], old, self.options).map(|v| {
+                    let activity = if site.nominal {
+                        site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
+                    } else {
+                        0.0
+                    };
+                    (site.speed, v, activity)
+                })
             })
             .collect();
         let mut violation = vec![[0.0f64; KINDS]; self.speeds.len()];
@@ -444,11 +441,7 @@ impl<'a> ChannelProblem<'a> {
             let excess = (low * x[p] - x[i]).max(0.0) + (x[i] - high * x[p]).max(0.0);
             total += RATIO_PRICE * excess / n;
         }
-        total.is_finite().then_some(Merit {
-            total,
-            activity,
-            violation,
-        })
+        total.is_finite().then_some(Merit { total, activity, violation })
     }
 
     fn price(&self, kind: Requirement) -> f64 {
@@ -551,10 +544,9 @@ impl<'a> ChannelProblem<'a> {
     }
 
     fn solve(&mut self, program: &Program) -> Result<Solution, TuningError> {
-        let solution = program.solve().map_err(|source| TuningError::Program {
-            channel: self.channel,
-            source,
-        })?;
+        let solution = program
+            .solve()
+            .map_err(|source| TuningError::Program { channel: self.channel, source })?;
         self.stats.programs += 1;
         self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
         self.stats.interior_iterations += solution.iterations;
@@ -567,9 +559,8 @@ impl<'a> ChannelProblem<'a> {
         let (speeds, gains) = (self.speeds.len(), self.gain_count());
         let slack0 = speeds * gains;
         let mut program = Program::new(slack0 + speeds * KINDS);
-        let largest: Vec<f64> = (0..gains)
-            .map(|g| x.iter().map(|x| x[g].abs()).fold(0.0, f64::max))
-            .collect();
+        let largest: Vec<f64> =
+            (0..gains).map(|g| x.iter().map(|x| x[g].abs()).fold(0.0, f64::max)).collect();
         let scale: Vec<Vec<f64>> = x
             .iter()
             .map(|x| (0..gains).map(|g| x[g].abs().max(0.08 * largest[g] + 1e-3)).collect())
@@ -622,10 +613,7 @@ impl<'a> ChannelProblem<'a> {
                 let constant = if value < 0.0 { (-0.5 * reach).max(value) } else { value };
                 program.require_nonnegative(AffineRow::new(
                     constant,
-                    vec![
-                        (first + i, sign * scale[v][i]),
-                        (first + p, -sign * ratio * scale[v][p]),
-                    ],
+                    vec![(first + i, sign * scale[v][i]), (first + p, -sign * ratio * scale[v][p])],
                 ));
             }
             for g in 0..gains {
@@ -732,7 +720,12 @@ impl Site {
     }
 
     /// Exact violations on the grid.
-    fn violations(&self, x: &[f64], old: Option<&[f64]>, options: &TuningOptions) -> Option<[f64; KINDS]> {
+    fn violations(
+        &self,
+        x: &[f64],
+        old: Option<&[f64]>,
+        options: &TuningOptions,
+    ) -> Option<[f64; KINDS]> {
         let l = &self.loops;
         let n = l.omega.len();
         let full: Vec<C> = l.full.iter().map(|f| affine_value(f, x)).collect();
@@ -756,9 +749,8 @@ impl Site {
         }
         let mut out = [0.0f64; KINDS];
         for (cut, kite) in self.kites.iter().enumerate() {
-            let curve: Vec<C> = (0..n)
-                .map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0)
-                .collect();
+            let curve: Vec<C> =
+                (0..n).map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0).collect();
             let mut worst = 0.0f64;
             for k in 0..n - 1 {
                 if curve[k].norm_sqr().min(curve[k + 1].norm_sqr()) < 36.0 {
@@ -857,7 +849,11 @@ impl Site {
                     for z in &vertices[..2] {
                         // Re n*(L − z) D̄/D̄₀, affine in the gains.
                         let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
-                        push(&mut out, Some(Requirement::Margin), real_row(normal, &f, scale, first));
+                        push(
+                            &mut out,
+                            Some(Requirement::Margin),
+                            real_row(normal, &f, scale, first),
+                        );
                     }
                 }
             }
@@ -880,7 +876,16 @@ impl Site {
                         let (d, b, _) = &points[k];
                         let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                         let bound = real_row(C::new(1.0, 0.0), b, scale, first);
-                        push_cone(&mut out, Requirement::CrossoverMax, bound, &f, scale, first, slack, trust);
+                        push_cone(
+                            &mut out,
+                            Requirement::CrossoverMax,
+                            bound,
+                            &f,
+                            scale,
+                            first,
+                            slack,
+                            trust,
+                        );
                     }
                 }
             }
@@ -965,7 +970,8 @@ fn push_cone(
     trust: f64,
 ) {
     let least = bound.constant - trust * bound.terms.iter().map(|t| t.1.abs()).sum::<f64>();
-    let most = f[0].norm() + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
+    let most = f[0].norm()
+        + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
     if least >= most {
         return;
     }
@@ -1012,17 +1018,20 @@ impl Run<'_> {
                 0 => self.options.trust,
                 k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
             };
-            let options = TuningOptions {
-                iterations,
-                trust,
-                ..self.options.clone()
-            };
+            let options = TuningOptions { iterations, trust, ..self.options.clone() };
             let before = gains.to_vec();
             merits.clear();
             let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
                 let clock = Instant::now();
                 let mut problem = ChannelProblem::new(
-                    channel, spec, self.classes, self.models, self.speeds, gains, growth, &options,
+                    channel,
+                    spec,
+                    self.classes,
+                    self.models,
+                    self.speeds,
+                    gains,
+                    growth,
+                    &options,
                 );
                 problem.stats.assembly_time += clock.elapsed().as_secs_f64();
                 let merit = problem.run(gains)?;
@@ -1075,11 +1084,7 @@ impl Run<'_> {
                 break;
             }
         }
-        Ok(Sweeps {
-            merits,
-            sweeps,
-            last_change,
-        })
+        Ok(Sweeps { merits, sweeps, last_change })
     }
 
     /// Tries other starts for a channel that misses a requirement at some
@@ -1100,17 +1105,21 @@ impl Run<'_> {
             ..options.clone()
         };
         let problem = ChannelProblem::new(
-            channel, spec, self.classes, self.models, self.speeds, gains, 1.0, &options,
+            channel,
+            spec,
+            self.classes,
+            self.models,
+            self.speeds,
+            gains,
+            1.0,
+            &options,
         );
         let x = problem.values(gains);
         let Some(mut best) = problem.merit(&x, None) else {
             return Ok(None);
         };
-        let missed: Vec<bool> = best
-            .violation
-            .iter()
-            .map(|v| v.iter().any(|&v| v > RESCUE_VIOLATION))
-            .collect();
+        let missed: Vec<bool> =
+            best.violation.iter().map(|v| v.iter().any(|&v| v > RESCUE_VIOLATION)).collect();
         let replaced = |f: &dyn Fn(usize) -> Option<Vec<f64>>| -> Vec<Vec<f64>> {
             (0..x.len())
                 .map(|v| if missed[v] { f(v) } else { None }.unwrap_or_else(|| x[v].clone()))
@@ -1204,7 +1213,11 @@ impl TuningProblem<'_> {
     }
 
     /// Loops of every speed and model.
-    fn loop_models(&self, inversions: &[Inversion], grid: &Arc<[f64]>) -> Result<Vec<Vec<LoopModel>>, TuningError> {
+    fn loop_models(
+        &self,
+        inversions: &[Inversion],
+        grid: &Arc<[f64]>,
+    ) -> Result<Vec<Vec<LoopModel>>, TuningError> {
         let pairs: Vec<(usize, usize)> = (0..self.set.plants.len())
             .flat_map(|v| (0..self.set.models.len()).map(move |m| (v, m)))
             .collect();
@@ -1241,8 +1254,14 @@ impl TuningProblem<'_> {
                 for scale in START_SCALES {
                     let mut g = GainSet::default();
                     for (channel, spec) in &self.channels {
-                        let delay = equivalent_delay(&plants[0], inversion, channel.axis(), &self.hardware)?;
-                        g[channel.index()] = start_gains(*channel, delay / scale, spec.integral_ratio);
+                        let delay = equivalent_delay(
+                            &plants[0],
+                            inversion,
+                            channel.axis(),
+                            &self.hardware,
+                        )?;
+                        g[channel.index()] =
+                            start_gains(*channel, delay / scale, spec.integral_ratio);
                     }
                     let mut inner = g;
                     inner[Channel::Vx.index()] = ChannelGains::default();
@@ -1328,24 +1347,14 @@ impl TuningProblem<'_> {
         let clock = Instant::now();
         let speeds = self.set.speeds();
         let classes: Vec<ModelClass> = self.set.models.iter().map(|m| m.class).collect();
-        let inversions: Vec<Inversion> = self
-            .set
-            .plants
-            .iter()
-            .map(|p| Inversion::new(&p[0]))
-            .collect::<Result<_, _>>()?;
+        let inversions: Vec<Inversion> =
+            self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
         let grid = self.grid();
         let models = self.loop_models(&inversions, &grid)?;
-        let mut stats = TuningStats {
-            assembly_time: clock.elapsed().as_secs_f64(),
-            ..TuningStats::default()
-        };
-        let run = Run {
-            classes: &classes,
-            models: &models,
-            speeds: &speeds,
-            options: &self.options,
-        };
+        let mut stats =
+            TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
+        let run =
+            Run { classes: &classes, models: &models, speeds: &speeds, options: &self.options };
         let mut gains = match start {
             Some(start) => start.to_vec(),
             None => self.starts(&inversions)?,
@@ -1365,7 +1374,8 @@ impl TuningProblem<'_> {
                 g[c.index()] = ChannelGains::default();
             }
         }
-        let (outer, inner): (Vec<_>, Vec<_>) = self.channels.iter().copied().partition(|c| c.0.is_outer());
+        let (outer, inner): (Vec<_>, Vec<_>) =
+            self.channels.iter().copied().partition(|c| c.0.is_outer());
         let (mut merits, mut sweeps, mut last_change) = (Vec::new(), 0, 0.0f64);
         for (group, is_outer) in [(inner, false), (outer, true)] {
             if group.is_empty() {
@@ -1384,15 +1394,7 @@ impl TuningProblem<'_> {
             sweeps = sweeps.max(done.sweeps);
             last_change = last_change.max(done.last_change);
         }
-        Ok(Tuning {
-            speeds,
-            gains,
-            inversions,
-            merits,
-            sweeps,
-            last_change,
-            stats,
-        })
+        Ok(Tuning { speeds, gains, inversions, merits, sweeps, last_change, stats })
     }
 }
 
@@ -1421,7 +1423,8 @@ pub fn equivalent_delay(
     let response = |model: &FrequencyModel, w: f64| {
         let x = model.states(w);
         (0..8).fold(C::new(0.0, 0.0), |sum, k| {
-            let column = (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.decoupling[(j, i)]);
+            let column =
+                (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.decoupling[(j, i)]);
             sum + column * inversion.outputs[(i, k)]
         })
     };
@@ -1434,10 +1437,7 @@ pub fn equivalent_delay(
         delay = (-(path.arg() + extra.arg()) / w).clamp(0.01, 1.0);
     }
     if !delay.is_finite() {
-        return Err(TuningError::NotFinite {
-            model: "nominal".into(),
-            speed: plant.speed,
-        });
+        return Err(TuningError::NotFinite { model: "nominal".into(), speed: plant.speed });
     }
     Ok(delay)
 }

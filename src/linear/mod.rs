@@ -6,6 +6,7 @@
 //!
 //! * [`model`]: the periodic model (LTP) and the state-space model (LTI), both
 //!   with named channels.
+//! * [`linearize`]: the periodic model of a converged trim.
 //! * [`dense`]: checked dense linear algebra: eigenvalues, Lyapunov equations,
 //!   stable and unstable subspaces.
 //! * [`harmonic`]: the averaged model and the harmonic decomposition.
@@ -26,14 +27,15 @@ pub mod dense;
 pub mod floquet;
 pub mod frequency;
 pub mod harmonic;
-//pub mod io;
+pub mod io;
+pub mod linearize;
 pub mod model;
 pub mod modes;
 pub mod reduction;
 pub mod reference;
-//pub mod set;
-//pub mod structure;
-//pub mod time_response;
+pub mod set;
+pub mod structure;
+pub mod time_response;
 
 pub use model::{Channel, PeriodicModel, StateSpace};
 
@@ -141,7 +143,5 @@ pub enum LinearError {
 }
 
 fn suggestion(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
+    nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
 }

@@ -41,11 +41,8 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         })
     });
     names(host, root);
-    let fuselages: Vec<_> = root
-        .named("fuselages")
-        .iter()
-        .map(|(name, table)| fuselage(host, name, table))
-        .collect();
+    let fuselages: Vec<_> =
+        root.named("fuselages").iter().map(|(name, table)| fuselage(host, name, table)).collect();
     let rotor_tables = root.named("rotors");
     if rotor_tables.is_empty() && root.given("rotors") && !lenient {
         host.finding(
@@ -62,16 +59,12 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         .collect();
     hubs(host, &rotors, rotor_tables);
     blades(host, mass.as_ref(), &rotors, root);
-    let wings: Vec<_> = root
-        .named("wings")
-        .iter()
-        .map(|(name, table)| wing(host, name, table))
-        .collect();
+    let wings: Vec<_> =
+        root.named("wings").iter().map(|(name, table)| wing(host, name, table)).collect();
     let inflow = root.table("inflow").and_then(inflow);
     let rotor_names: Vec<&str> = rotor_tables.iter().map(|(name, _)| name.as_str()).collect();
-    let controls = root
-        .table("controls")
-        .and_then(|table| controls(host, table, &rotor_names, lenient));
+    let controls =
+        root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
     Some(Problem {
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
@@ -209,9 +202,7 @@ fn rotor(
     atmosphere: Option<&AtmosphereConditions>,
 ) -> Option<Rotor> {
     let position = table.table("position").and_then(station);
-    let section = table
-        .table("airfoil")
-        .and_then(|table| airfoil(host, table));
+    let section = table.table("airfoil").and_then(|table| airfoil(host, table));
     let mut sound = true;
     let mut fault = |key: &str, message: String, help: String| {
         let path = table.key_path(key);
@@ -252,11 +243,9 @@ fn rotor(
             );
         }
     }
-    if let (Some(mass), Some(first), Some(radius)) = (
-        table.number("blade_mass"),
-        table.number("blade_first_moment"),
-        table.number("radius"),
-    ) && first > mass * radius
+    if let (Some(mass), Some(first), Some(radius)) =
+        (table.number("blade_mass"), table.number("blade_first_moment"), table.number("radius"))
+        && first > mass * radius
     {
         fault(
             "blade_first_moment",
@@ -280,9 +269,7 @@ fn rotor(
         _ => HubKind::Rigid,
     };
     let governor = match table.table("governor") {
-        Some(governor) => Some(Governor {
-            time_constant: governor.number("time_constant")?,
-        }),
+        Some(governor) => Some(Governor { time_constant: governor.number("time_constant")? }),
         None => None,
     };
     Some(Rotor {
@@ -353,12 +340,7 @@ fn rotor_warnings(
         }
     }
     if table.choice("hub") == Some("rigid") {
-        for key in [
-            "undersling",
-            "teeter_spring",
-            "delta_3",
-            "teeter_torque_tilt",
-        ] {
+        for key in ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt"] {
             if table.given(key) {
                 warn(
                     key,
@@ -398,11 +380,8 @@ fn blades(
     root: &CheckedTable,
 ) {
     let Some(mass) = mass else { return };
-    let blades: f64 = rotors
-        .iter()
-        .flatten()
-        .map(|rotor| rotor.blade_mass * rotor.blades as f64)
-        .sum();
+    let blades: f64 =
+        rotors.iter().flatten().map(|rotor| rotor.blade_mass * rotor.blades as f64).sum();
     if blades >= mass.mass
         && let Some(table) = root.table("mass")
     {
@@ -422,9 +401,7 @@ fn blades(
 fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
     let position = table.table("aerodynamic_center").and_then(station);
     let model = if let Some(strips) = table.table("strips") {
-        let section = strips
-            .table("airfoil")
-            .and_then(|table| airfoil(host, table));
+        let section = strips.table("airfoil").and_then(|table| airfoil(host, table));
         section.and_then(|airfoil| {
             Some(WingModel::Elements {
                 elements: strips.count("count")?,
@@ -465,9 +442,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             _ => MassFlow::SelfInduced,
         },
         total_inflow: match table.choice("total_inflow")? {
-            "lowpass" => TotalInflow::LowPass {
-                bandwidth: bandwidth?,
-            },
+            "lowpass" => TotalInflow::LowPass { bandwidth: bandwidth? },
             _ => TotalInflow::Algebraic,
         },
         interference_rule: match table.choice("interference_rule")? {
@@ -518,11 +493,8 @@ fn controls(
             whole = false;
             continue;
         };
-        match (
-            rotor_mix(entry),
-            entry.numbers("collective_limits"),
-            entry.numbers("cyclic_limits"),
-        ) {
+        match (rotor_mix(entry), entry.numbers("collective_limits"), entry.numbers("cyclic_limits"))
+        {
             (Some(one), Some(collective), Some(cyclic)) => {
                 if [one.theta_0, one.theta_1c, one.theta_1s]
                     .iter()
@@ -548,12 +520,7 @@ fn controls(
     for (limits, stick) in stick_limits.iter_mut().zip(STICKS) {
         *limits = table.table(stick)?.numbers("limits")?;
     }
-    whole.then_some(Controls {
-        stick_limits,
-        mix,
-        collective_limits,
-        cyclic_limits,
-    })
+    whole.then_some(Controls { stick_limits, mix, collective_limits, cyclic_limits })
 }
 
 fn rotor_mix(table: &CheckedTable) -> Option<RotorMix> {

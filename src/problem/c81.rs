@@ -36,10 +36,7 @@ const WIDTH: usize = 7;
 /// not finite, or breaks an order: angles and Mach numbers must increase
 /// strictly, and angles must span -180° to 180°.
 pub fn parse(text: &str) -> Result<AirfoilTable, TableError> {
-    let mut lines = Lines {
-        lines: text.lines().collect(),
-        next: 0,
-    };
+    let mut lines = Lines { lines: text.lines().collect(), next: 0 };
     let header = lines.take("the title and counts")?;
     if let Some(index) = text.lines().position(|line| !line.is_ascii()) {
         return Err(TableError {
@@ -51,25 +48,18 @@ pub fn parse(text: &str) -> Result<AirfoilTable, TableError> {
     let counts_text = header.get(30..).unwrap_or("");
     let mut counts = [0; 6];
     for (index, count) in counts.iter_mut().enumerate() {
-        let field = counts_text
-            .get(2 * index..2 * index + 2)
-            .unwrap_or("")
-            .trim();
-        *count = field
-            .parse()
-            .ok()
-            .filter(|count| *count > 0)
-            .ok_or_else(|| {
-                lines.fault(
-                    format!(
-                        "the count in columns {} and {} is not a whole number above zero",
-                        31 + 2 * index,
-                        32 + 2 * index
-                    ),
-                    "a C81 file begins with a title of 30 characters and six counts of two digits: \
+        let field = counts_text.get(2 * index..2 * index + 2).unwrap_or("").trim();
+        *count = field.parse().ok().filter(|count| *count > 0).ok_or_else(|| {
+            lines.fault(
+                format!(
+                    "the count in columns {} and {} is not a whole number above zero",
+                    31 + 2 * index,
+                    32 + 2 * index
+                ),
+                "a C81 file begins with a title of 30 characters and six counts of two digits: \
                  Mach numbers and angles of the lift, drag and moment tables, such as 099609960996",
-                )
-            })?;
+            )
+        })?;
     }
     let lift = grid(&mut lines, "lift", counts[0], counts[1])?;
     let drag = grid(&mut lines, "drag", counts[2], counts[3])?;
@@ -82,12 +72,7 @@ pub fn parse(text: &str) -> Result<AirfoilTable, TableError> {
             ));
         }
     }
-    Ok(AirfoilTable {
-        name: header[..30].trim().into(),
-        lift,
-        drag,
-        moment,
-    })
+    Ok(AirfoilTable { name: header[..30].trim().into(), lift, drag, moment })
 }
 
 struct Lines<'a> {
@@ -110,11 +95,7 @@ impl<'a> Lines<'a> {
     }
 
     fn fault(&self, message: String, help: &str) -> TableError {
-        TableError {
-            line: self.next.max(1),
-            message,
-            help: help.into(),
-        }
+        TableError { line: self.next.max(1), message, help: help.into() }
     }
 
     /// `count` numbers from columns 8 on, over as many lines as they take;
@@ -145,10 +126,7 @@ impl<'a> Lines<'a> {
         match field.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
             _ => Err(self.fault(
-                format!(
-                    "`{field}` in columns {column} to {} is not a number",
-                    column + WIDTH - 1
-                ),
+                format!("`{field}` in columns {column} to {} is not a number", column + WIDTH - 1),
                 "each number takes seven columns, such as \"  1.016\" or \" -.3409\"",
             )),
         }
@@ -174,11 +152,7 @@ fn grid(
         let expected = format!("row {} of {angles} of the {what} table", index + 1);
         let first = lines.next + 1;
         let (head, row) = lines.row(machs, &expected)?;
-        let angle = Lines {
-            lines: Vec::new(),
-            next: first,
-        }
-        .number(head, 1)?;
+        let angle = Lines { lines: Vec::new(), next: first }.number(head, 1)?;
         let ordered = match degrees.last() {
             None => angle == -180.0,
             Some(last) => angle > *last,
@@ -204,11 +178,7 @@ fn grid(
     angle_of_attack[0] = -PI;
     let last = angle_of_attack.len() - 1;
     angle_of_attack[last] = PI;
-    Ok(CoefficientGrid {
-        angle_of_attack,
-        mach,
-        value,
-    })
+    Ok(CoefficientGrid { angle_of_attack, mach, value })
 }
 
 #[cfg(test)]
@@ -230,11 +200,7 @@ mod tests {
             assert_eq!(grid.angle_of_attack[95], PI);
         }
         // Line 15 of the file: -100 deg, .3409 throughout.
-        let index = TABLE
-            .lines()
-            .skip(2)
-            .position(|line| line.starts_with(" -100.0"))
-            .unwrap();
+        let index = TABLE.lines().skip(2).position(|line| line.starts_with(" -100.0")).unwrap();
         assert!((table.lift.angle_of_attack[index] - -100.0 * DEGREE).abs() < 1e-15);
         assert!((0..9).all(|mach| table.lift.value[index * 9 + mach] == 0.3409));
     }
@@ -282,14 +248,8 @@ mod tests {
         let error = edit(4, " -175.0  .4473    nan  .4473");
         assert_eq!(error.line, 4);
         assert!(error.message.contains("nan"));
-        assert_eq!(
-            edit(3, &TABLE.lines().nth(3).unwrap().replace("-175", "-170")).line,
-            3
-        );
-        assert_eq!(
-            edit(5, &TABLE.lines().nth(3).unwrap().replace("-175", "-179")).line,
-            5
-        );
+        assert_eq!(edit(3, &TABLE.lines().nth(3).unwrap().replace("-175", "-170")).line, 3);
+        assert_eq!(edit(5, &TABLE.lines().nth(3).unwrap().replace("-175", "-179")).line, 5);
         let cut: Vec<&str> = TABLE.lines().take(50).collect();
         let error = parse(&cut.join("\n")).unwrap_err();
         assert_eq!(error.line, 50);

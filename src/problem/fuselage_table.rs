@@ -23,11 +23,7 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .from_reader(text.as_bytes());
-    let fault = |line: usize, message: String| TableError {
-        line,
-        message,
-        help: HELP.into(),
-    };
+    let fault = |line: usize, message: String| TableError { line, message, help: HELP.into() };
     let mut scale = None;
     let mut rows: Vec<([f64; 8], usize)> = Vec::new();
     for record in reader.records() {
@@ -40,18 +36,14 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
             let header: Vec<&str> = record.iter().collect();
             let is = |area: &str, volume: &str| {
                 header.len() == 8
-                    && header
-                        .iter()
-                        .zip(COLUMNS)
-                        .enumerate()
-                        .all(|(index, (have, name))| {
-                            let unit = match index {
-                                0 | 1 => "deg",
-                                2..=4 => area,
-                                _ => volume,
-                            };
-                            *have == format!("{name}_{unit}")
-                        })
+                    && header.iter().zip(COLUMNS).enumerate().all(|(index, (have, name))| {
+                        let unit = match index {
+                            0 | 1 => "deg",
+                            2..=4 => area,
+                            _ => volume,
+                        };
+                        *have == format!("{name}_{unit}")
+                    })
             };
             scale = if is("ft2", "ft3") {
                 Some(FOOT)
@@ -63,17 +55,11 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
             continue;
         };
         if record.len() != 8 {
-            return Err(fault(
-                line,
-                format!("{} values where 8 are expected", record.len()),
-            ));
+            return Err(fault(line, format!("{} values where 8 are expected", record.len())));
         }
         let mut row = [0.0; 8];
         for (index, (field, value)) in record.iter().zip(&mut row).enumerate() {
-            let number = field
-                .parse::<f64>()
-                .ok()
-                .filter(|number| number.is_finite());
+            let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
             let number =
                 number.ok_or_else(|| fault(line, format!("`{field}` is not a finite number")))?;
             *value = number
@@ -84,10 +70,7 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
                 };
         }
         if rows.iter().any(|(other, _)| other[..2] == row[..2]) {
-            return Err(fault(
-                line,
-                "this pair of angles has been given before".into(),
-            ));
+            return Err(fault(line, "this pair of angles has been given before".into()));
         }
         rows.push((row, line));
     }
@@ -100,10 +83,7 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
     let (angle_of_attack, sideslip) = (axis(0), axis(1));
     let last = rows.last().map_or(1, |(_, line)| *line);
     if angle_of_attack.len() < 2 || sideslip.len() < 2 {
-        return Err(fault(
-            last,
-            "fewer than two angles of attack or of sideslip".into(),
-        ));
+        return Err(fault(last, "fewer than two angles of attack or of sideslip".into()));
     }
     if rows.len() != angle_of_attack.len() * sideslip.len() {
         return Err(fault(
@@ -155,11 +135,7 @@ mod tests {
             ("0,0,1,1,1,1,1,1\n1,1,1,1,1,1,1,1\n2,0,1,1,1,1,1,1\n", 4),
             ("", 1),
         ] {
-            assert_eq!(
-                parse(&format!("{HEADER}{body}")).unwrap_err().line,
-                line,
-                "{body}"
-            );
+            assert_eq!(parse(&format!("{HEADER}{body}")).unwrap_err().line, line, "{body}");
         }
         assert_eq!(parse("alpha,beta\n").unwrap_err().line, 1);
     }

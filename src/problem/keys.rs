@@ -116,12 +116,7 @@ impl Table {
 }
 
 const fn required(name: &'static str, value: Value, doc: &'static str) -> Key {
-    Key {
-        name,
-        value,
-        need: Need::Required,
-        doc,
-    }
+    Key { name, value, need: Need::Required, doc }
 }
 
 const fn default(
@@ -130,12 +125,7 @@ const fn default(
     default: &'static str,
     doc: &'static str,
 ) -> Key {
-    Key {
-        name,
-        value,
-        need: Need::Default(default),
-        doc,
-    }
+    Key { name, value, need: Need::Default(default), doc }
 }
 
 const fn optional(
@@ -144,44 +134,27 @@ const fn optional(
     without: &'static str,
     doc: &'static str,
 ) -> Key {
-    Key {
-        name,
-        value,
-        need: Need::Optional(without),
-        doc,
-    }
+    Key { name, value, need: Need::Optional(without), doc }
 }
 
 /// Both bounds allowed.
 const fn from_to(low: &'static str, high: &'static str) -> Bounds {
-    Bounds {
-        low: Some((low, true)),
-        high: Some((high, true)),
-    }
+    Bounds { low: Some((low, true)), high: Some((high, true)) }
 }
 
 /// The lower bound itself is not allowed.
 const fn above_to(low: &'static str, high: &'static str) -> Bounds {
-    Bounds {
-        low: Some((low, false)),
-        high: Some((high, true)),
-    }
+    Bounds { low: Some((low, false)), high: Some((high, true)) }
 }
 
 /// The upper bound itself is not allowed.
 const fn from_below(low: &'static str, high: &'static str) -> Bounds {
-    Bounds {
-        low: Some((low, true)),
-        high: Some((high, false)),
-    }
+    Bounds { low: Some((low, true)), high: Some((high, false)) }
 }
 
 /// Neither bound is allowed.
 const fn above_below(low: &'static str, high: &'static str) -> Bounds {
-    Bounds {
-        low: Some((low, false)),
-        high: Some((high, false)),
-    }
+    Bounds { low: Some((low, false)), high: Some((high, false)) }
 }
 
 /// A place on the drawing: no aircraft of interest is larger.
@@ -206,11 +179,7 @@ pub static STATION: Table = Table {
             "\"0 ft\"",
             "Distance from the plane of symmetry, positive to starboard.",
         ),
-        required(
-            "water_line",
-            Value::Quantity(Kind::Length, DRAWING),
-            "Height, positive up.",
-        ),
+        required("water_line", Value::Quantity(Kind::Length, DRAWING), "Height, positive up."),
     ],
     alternatives: &[],
 };
@@ -225,26 +194,14 @@ static MASS: Table = Table {
             "Gross mass. A gross weight in `lb` or `lbf` is read as the mass that weighs it \
              under standard gravity.",
         ),
-        required(
-            "center_of_gravity",
-            Value::Table(&STATION),
-            "Centre of gravity.",
-        ),
+        required("center_of_gravity", Value::Table(&STATION), "Centre of gravity."),
         required(
             "i_xx",
             Value::Quantity(Kind::Inertia, INERTIA),
             "Roll moment of inertia about the centre of gravity, body axes.",
         ),
-        required(
-            "i_yy",
-            Value::Quantity(Kind::Inertia, INERTIA),
-            "Pitch moment of inertia.",
-        ),
-        required(
-            "i_zz",
-            Value::Quantity(Kind::Inertia, INERTIA),
-            "Yaw moment of inertia.",
-        ),
+        required("i_yy", Value::Quantity(Kind::Inertia, INERTIA), "Pitch moment of inertia."),
+        required("i_zz", Value::Quantity(Kind::Inertia, INERTIA), "Yaw moment of inertia."),
         default(
             "i_xz",
             Value::Quantity(Kind::Inertia, PRODUCT),
@@ -291,10 +248,7 @@ static ATMOSPHERE: Table = Table {
 
 const WASH: Value = Value::Choice(&[
     ("none", "the rotors' wakes do nothing to it"),
-    (
-        "full",
-        "the induced velocity is added to the local velocity",
-    ),
+    ("full", "the induced velocity is added to the local velocity"),
     (
         "angle_only",
         "the induced velocity turns the local flow, but the dynamic pressure stays that of the \
@@ -366,11 +320,7 @@ static AIRFOIL: Table = Table {
             "\"0 deg\"",
             "Angle of attack without lift.",
         ),
-        required(
-            "drag",
-            Value::Number(from_to("0", "2")),
-            "Drag coefficient δ.",
-        ),
+        required("drag", Value::Number(from_to("0", "2")), "Drag coefficient δ."),
     ],
     alternatives: &[&["table"], &["lift_slope", "zero_lift_angle", "drag"]],
 };
@@ -415,16 +365,8 @@ static ROTOR: Table = Table {
             "Direction of rotation, seen from above.",
         ),
         required("blades", Value::Count(1, 12), "Number of blades N_b."),
-        required(
-            "radius",
-            Value::Quantity(Kind::Length, above_to("0 ft", "200 ft")),
-            "Radius R.",
-        ),
-        required(
-            "chord",
-            Value::Spanwise(Kind::Length, above_to("0 ft", "20 ft")),
-            "Blade chord.",
-        ),
+        required("radius", Value::Quantity(Kind::Length, above_to("0 ft", "200 ft")), "Radius R."),
+        required("chord", Value::Spanwise(Kind::Length, above_to("0 ft", "20 ft")), "Blade chord."),
         default(
             "twist",
             Value::SpanwiseFromZero(Kind::Angle, from_to("-90 deg", "90 deg")),
@@ -443,12 +385,7 @@ static ROTOR: Table = Table {
             "1.0",
             "Tip-loss factor B: no lift beyond B R. 1 for none.",
         ),
-        default(
-            "elements",
-            Value::Count(3, 1000),
-            "20",
-            "Blade elements a blade, equal in width.",
-        ),
+        default("elements", Value::Count(3, 1000), "20", "Blade elements a blade, equal in width."),
         required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
         default(
             "precone",
@@ -468,10 +405,7 @@ static ROTOR: Table = Table {
         ),
         required(
             "blade_second_moment",
-            Value::Quantity(
-                Kind::Inertia,
-                above_to("0 slug ft^2", "100000000 slug ft^2"),
-            ),
+            Value::Quantity(Kind::Inertia, above_to("0 slug ft^2", "100000000 slug ft^2")),
             "Second mass moment of one blade about its attachment, I_β.",
         ),
         required(
@@ -490,10 +424,7 @@ static ROTOR: Table = Table {
         ),
         default(
             "teeter_spring",
-            Value::Quantity(
-                Kind::AngularStiffness,
-                from_to("0 lbf ft/rad", "10000000 lbf ft/rad"),
-            ),
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
             "\"0 lbf ft/rad\"",
             "Teeter spring. Teetering hubs only.",
         ),
@@ -540,12 +471,7 @@ static ROTOR: Table = Table {
 static STRIPS: Table = Table {
     doc: "Strip theory over the span.",
     keys: &[
-        default(
-            "count",
-            Value::Count(1, 1000),
-            "10",
-            "Strips over the span.",
-        ),
+        default("count", Value::Count(1, 1000), "10", "Strips over the span."),
         required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
         default(
             "induced_angle",
@@ -577,12 +503,7 @@ static FINITE: Table = Table {
             Value::Number(from_to("0", "2")),
             "Drag coefficient without lift.",
         ),
-        default(
-            "oswald",
-            Value::Number(above_to("0", "1")),
-            "0.8",
-            "Oswald efficiency e.",
-        ),
+        default("oswald", Value::Number(above_to("0", "1")), "0.8", "Oswald efficiency e."),
         default(
             "stall_angle",
             Value::Quantity(Kind::Angle, above_to("0 deg", "45 deg")),
@@ -599,11 +520,7 @@ static WING: Table = Table {
           axis. A vertical tail has `cant = \"90 deg\"`: its span then points down, and its \
           first station is the upper tip.",
     keys: &[
-        required(
-            "aerodynamic_center",
-            Value::Table(&STATION),
-            "Aerodynamic centre at mid-span.",
-        ),
+        required("aerodynamic_center", Value::Table(&STATION), "Aerodynamic centre at mid-span."),
         required(
             "span",
             Value::Quantity(Kind::Length, above_to("0 ft", "300 ft")),
@@ -653,12 +570,7 @@ static WING: Table = Table {
 static INFLOW: Table = Table {
     doc: "Inflow and rotor-on-rotor interference.",
     keys: &[
-        default(
-            "interactions",
-            Value::Bool,
-            "true",
-            "Whether rotors interfere at all.",
-        ),
+        default("interactions", Value::Bool, "true", "Whether rotors interfere at all."),
         default(
             "mass_flow",
             Value::Choice(&[
@@ -672,10 +584,7 @@ static INFLOW: Table = Table {
             "total_inflow",
             Value::Choice(&[
                 ("algebraic", "at once"),
-                (
-                    "lowpass",
-                    "three states a rotor behind a first-order low-pass",
-                ),
+                ("lowpass", "three states a rotor behind a first-order low-pass"),
             ]),
             "\"algebraic\"",
             "How the total inflow follows self-induced inflow and interference.",
@@ -735,27 +644,15 @@ static STICK_COLLECTIVE: Table = Table {
     alternatives: &[],
 };
 
-const GEARING: Value = Value::Quantity(
-    Kind::AnglePerPercent,
-    from_to("-100 rad/100%", "100 rad/100%"),
-);
+const GEARING: Value =
+    Value::Quantity(Kind::AnglePerPercent, from_to("-100 rad/100%", "100 rad/100%"));
 
 static GEARINGS: Table = Table {
     doc: "Blade pitch per stick travel.",
     keys: &[
         default("lat", GEARING, "\"0 rad/100%\"", "From the lateral stick."),
-        default(
-            "lon",
-            GEARING,
-            "\"0 rad/100%\"",
-            "From the longitudinal stick.",
-        ),
-        default(
-            "col",
-            GEARING,
-            "\"0 rad/100%\"",
-            "From the collective lever.",
-        ),
+        default("lon", GEARING, "\"0 rad/100%\"", "From the longitudinal stick."),
+        default("col", GEARING, "\"0 rad/100%\"", "From the collective lever."),
         default("ped", GEARING, "\"0 rad/100%\"", "From the pedals."),
     ],
     alternatives: &[],
@@ -766,18 +663,8 @@ const PITCH: Bounds = from_to("-90 deg", "90 deg");
 static RIGGING: Table = Table {
     doc: "Blade pitch with every stick at zero.",
     keys: &[
-        default(
-            "theta_0",
-            Value::Quantity(Kind::Angle, PITCH),
-            "\"0 deg\"",
-            "Collective.",
-        ),
-        default(
-            "theta_1c",
-            Value::Quantity(Kind::Angle, PITCH),
-            "\"0 deg\"",
-            "Lateral cyclic.",
-        ),
+        default("theta_0", Value::Quantity(Kind::Angle, PITCH), "\"0 deg\"", "Collective."),
+        default("theta_1c", Value::Quantity(Kind::Angle, PITCH), "\"0 deg\"", "Lateral cyclic."),
         default(
             "theta_1s",
             Value::Quantity(Kind::Angle, PITCH),
@@ -794,12 +681,7 @@ static ROTOR_MIX: Table = Table {
           a clockwise rotor: the same lateral cyclic tilts rotors of opposite rotation opposite \
           ways.",
     keys: &[
-        default(
-            "theta_0",
-            Value::Table(&GEARINGS),
-            "{}",
-            "Collective pitch θ_0.",
-        ),
+        default("theta_0", Value::Table(&GEARINGS), "{}", "Collective pitch θ_0."),
         default(
             "theta_1c",
             Value::Table(&GEARINGS),
@@ -812,12 +694,7 @@ static ROTOR_MIX: Table = Table {
             "{}",
             "Longitudinal cyclic θ_1s, which multiplies sin ψ.",
         ),
-        default(
-            "rigging",
-            Value::Table(&RIGGING),
-            "{}",
-            "Blade pitch with every stick at zero.",
-        ),
+        default("rigging", Value::Table(&RIGGING), "{}", "Blade pitch with every stick at zero."),
         default(
             "collective_limits",
             Value::Limits(Kind::Angle, PITCH),
@@ -837,35 +714,16 @@ static ROTOR_MIX: Table = Table {
 static CONTROLS: Table = Table {
     doc: "From the pilot's sticks to the blades.",
     keys: &[
-        default(
-            "lat",
-            Value::Table(&STICK_CYCLIC),
-            "{}",
-            "Lateral stick, positive to the right.",
-        ),
+        default("lat", Value::Table(&STICK_CYCLIC), "{}", "Lateral stick, positive to the right."),
         default(
             "lon",
             Value::Table(&STICK_CYCLIC),
             "{}",
             "Longitudinal stick. Its sign is that of the mix.",
         ),
-        default(
-            "col",
-            Value::Table(&STICK_COLLECTIVE),
-            "{}",
-            "Collective lever, positive up.",
-        ),
-        default(
-            "ped",
-            Value::Table(&STICK_CYCLIC),
-            "{}",
-            "Pedals, positive right foot forward.",
-        ),
-        required(
-            "mix",
-            Value::Named(&ROTOR_MIX, "rotor"),
-            "From the sticks to each rotor.",
-        ),
+        default("col", Value::Table(&STICK_COLLECTIVE), "{}", "Collective lever, positive up."),
+        default("ped", Value::Table(&STICK_CYCLIC), "{}", "Pedals, positive right foot forward."),
+        required("mix", Value::Named(&ROTOR_MIX, "rotor"), "From the sticks to each rotor."),
     ],
     alternatives: &[],
 };
@@ -881,48 +739,15 @@ pub static ROOT: Table = Table {
             "Another problem file to start from. Tables merge key by key; everything else \
              replaces. Where keys exclude one another, choosing one drops the other of the base.",
         ),
-        required(
-            "name",
-            Value::Text,
-            "Short name, for titles and file names.",
-        ),
-        default(
-            "description",
-            Value::Text,
-            "\"a rotorcraft\"",
-            "One line for reports.",
-        ),
+        required("name", Value::Text, "Short name, for titles and file names."),
+        default("description", Value::Text, "\"a rotorcraft\"", "One line for reports."),
         required("mass", Value::Table(&MASS), "Mass properties."),
-        default(
-            "atmosphere",
-            Value::Table(&ATMOSPHERE),
-            "{}",
-            "The air to fly in.",
-        ),
-        default(
-            "fuselages",
-            Value::Named(&FUSELAGE, "fuselage"),
-            "{}",
-            "Fuselage bodies.",
-        ),
+        default("atmosphere", Value::Table(&ATMOSPHERE), "{}", "The air to fly in."),
+        default("fuselages", Value::Named(&FUSELAGE, "fuselage"), "{}", "Fuselage bodies."),
         required("rotors", Value::Named(&ROTOR, "rotor"), "Rotors."),
-        default(
-            "wings",
-            Value::Named(&WING, "wing"),
-            "{}",
-            "Wings and tail surfaces.",
-        ),
-        default(
-            "inflow",
-            Value::Table(&INFLOW),
-            "{}",
-            "Inflow and interference.",
-        ),
-        required(
-            "controls",
-            Value::Table(&CONTROLS),
-            "From the sticks to the blades.",
-        ),
+        default("wings", Value::Named(&WING, "wing"), "{}", "Wings and tail surfaces."),
+        default("inflow", Value::Table(&INFLOW), "{}", "Inflow and interference."),
+        required("controls", Value::Table(&CONTROLS), "From the sticks to the blades."),
     ],
     alternatives: &[],
 };

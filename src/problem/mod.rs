@@ -21,6 +21,7 @@ mod source;
 mod tree;
 
 pub use model::*;
+pub use read::nearest_help;
 pub use report::{Diagnostic, Report, Severity};
 pub use source::{Place, Source, Sources};
 
@@ -46,18 +47,9 @@ pub const BUILTIN: [&str; 3] = ["coax2d", "coax2d-appendix", "coax2d-physics"];
 /// Files that are built in.
 const EMBEDDED: [(&str, &str); 4] = [
     ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
-    (
-        "coax2d-appendix.toml",
-        include_str!("../../problems/coax2d-appendix.toml"),
-    ),
-    (
-        "coax2d-physics.toml",
-        include_str!("../../problems/coax2d-physics.toml"),
-    ),
-    (
-        "airfoils/naca23012.c81",
-        include_str!("../../problems/airfoils/naca23012.c81"),
-    ),
+    ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
+    ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
+    ("airfoils/naca23012.c81", include_str!("../../problems/airfoils/naca23012.c81")),
 ];
 
 /// Reads a problem file, its bases and its tables.
@@ -106,12 +98,9 @@ pub fn builtin_named(name: &str) -> Result<Loaded, Report> {
     let path = PathBuf::from(format!("{name}.toml"));
     let loader = Loader::new(Library::Embedded);
     match loader.library.read(&path) {
-        Ok(text) if BUILTIN.contains(&name) => loader.run(
-            &path.display().to_string(),
-            text,
-            PathBuf::new(),
-            Some(&path),
-        ),
+        Ok(text) if BUILTIN.contains(&name) => {
+            loader.run(&path.display().to_string(), text, PathBuf::new(), Some(&path))
+        }
         _ => Err(Report::new(
             vec![Diagnostic::whole_file(
                 name,
@@ -139,10 +128,7 @@ struct ReadFault {
 
 impl Library {
     fn read(self, path: &Path) -> Result<String, ReadFault> {
-        let fault = |message: &str, unreadable| ReadFault {
-            message: message.into(),
-            unreadable,
-        };
+        let fault = |message: &str, unreadable| ReadFault { message: message.into(), unreadable };
         match self {
             Library::Embedded => EMBEDDED
                 .iter()
@@ -226,22 +212,14 @@ impl Loader {
             return Err(Report::new(vec![finding], false));
         }
         let main = self.add(name, text, directory);
-        let mut chain: Vec<PathBuf> = path
-            .map(|path| self.library.identity(path))
-            .into_iter()
-            .collect();
+        let mut chain: Vec<PathBuf> =
+            path.map(|path| self.library.identity(path)).into_iter().collect();
         let entries = self.entries(main, &mut chain);
-        let broken: Vec<(String, usize)> = self
-            .findings
-            .iter()
-            .map(|finding| (finding.file.clone(), finding.line))
-            .collect();
+        let broken: Vec<(String, usize)> =
+            self.findings.iter().map(|finding| (finding.file.clone(), finding.line)).collect();
         let lenient = !broken.is_empty();
         let mut findings = Vec::new();
-        let place = Place {
-            source: main,
-            span: 0..0,
-        };
+        let place = Place { source: main, span: 0..0 };
         let root = read::Reader {
             sources: &self.sources,
             findings: &mut findings,
@@ -253,18 +231,11 @@ impl Loader {
         findings.retain(|finding| !broken.contains(&(finding.file.clone(), finding.line)));
         self.findings.append(&mut findings);
         let problem = build::problem(&mut self, &root, lenient);
-        let failed = self
-            .findings
-            .iter()
-            .any(|finding| finding.severity == Severity::Error);
+        let failed = self.findings.iter().any(|finding| finding.severity == Severity::Error);
         match problem {
             Some(problem) if !failed => {
                 report::sort(&mut self.findings);
-                Ok(Loaded {
-                    problem,
-                    warnings: self.findings,
-                    sources: self.sources,
-                })
+                Ok(Loaded { problem, warnings: self.findings, sources: self.sources })
             }
             _ => Err(Report::new(self.findings, self.unreadable)),
         }
@@ -290,9 +261,7 @@ impl Loader {
         let fault = if chain.contains(&identity) {
             Some("the file extends itself, directly or through its bases".to_string())
         } else if chain.len() >= DEEPEST_CHAIN {
-            Some(format!(
-                "more than {DEEPEST_CHAIN} files extend one another"
-            ))
+            Some(format!("more than {DEEPEST_CHAIN} files extend one another"))
         } else {
             None
         };
@@ -388,14 +357,7 @@ impl build::Host for Loader {
         message: String,
         help: String,
     ) {
-        self.findings.push(Diagnostic::at(
-            severity,
-            &self.sources,
-            place,
-            key,
-            message,
-            help,
-        ));
+        self.findings.push(Diagnostic::at(severity, &self.sources, place, key, message, help));
     }
 
     fn airfoil(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<AirfoilTable>> {

@@ -95,18 +95,12 @@ fn units() -> String {
     collect_kinds(&ROOT, &mut kinds);
     let mut text = String::from("\n| quantity | usual units |\n|---|---|\n");
     for kind in Kind::ALL.iter().filter(|kind| kinds.contains(kind)) {
-        let units: Vec<String> = kind
-            .usual_units()
-            .iter()
-            .map(|unit| format!("`{unit}`"))
-            .collect();
+        let units: Vec<String> =
+            kind.usual_units().iter().map(|unit| format!("`{unit}`")).collect();
         text += &format!("| {} | {} |\n", kind.noun(), units.join(", "));
     }
     text + "\nAny product of known units of the right dimension will do. The known units are "
-        + &crate::units::unit_names()
-            .map(|name| format!("`{name}`"))
-            .collect::<Vec<_>>()
-            .join(", ")
+        + &crate::units::unit_names().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
         + ".\n"
 }
 
@@ -132,10 +126,7 @@ fn find_tables(table: &'static Table, path: &str, tables: &mut Vec<(Vec<String>,
             Value::Named(inner, _) => (join(path, key.name) + ".NAME", inner),
             _ => continue,
         };
-        match tables
-            .iter_mut()
-            .find(|(_, known)| std::ptr::eq(*known, inner))
-        {
+        match tables.iter_mut().find(|(_, known)| std::ptr::eq(*known, inner)) {
             Some((paths, _)) if paths.contains(&below) => {}
             Some((paths, _)) => paths.push(below),
             None => tables.push((vec![below], inner)),
@@ -144,30 +135,19 @@ fn find_tables(table: &'static Table, path: &str, tables: &mut Vec<(Vec<String>,
 }
 
 fn join(path: &str, key: &str) -> String {
-    if path.is_empty() {
-        key.into()
-    } else {
-        format!("{path}.{key}")
-    }
+    if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
 
 fn section(page: &mut String, paths: &[String], table: &Table) {
     let title = match paths {
         [top] if top.is_empty() => "Top level".into(),
-        _ => paths
-            .iter()
-            .map(|path| format!("`[{path}]`"))
-            .collect::<Vec<_>>()
-            .join(", "),
+        _ => paths.iter().map(|path| format!("`[{path}]`")).collect::<Vec<_>>().join(", "),
     };
     *page += &format!("\n### {title}\n\n{}\n\n", table.doc);
     if let [group, rest @ ..] = table.alternatives {
         let rest: Vec<String> = rest.iter().map(|other| listed(other)).collect();
-        *page += &format!(
-            "Exactly one of {} and {} is given.\n\n",
-            listed(group),
-            rest.join(" and ")
-        );
+        *page +=
+            &format!("Exactly one of {} and {} is given.\n\n", listed(group), rest.join(" and "));
     }
     *page += "| key | value | default | meaning |\n|---|---|---|---|\n";
     for key in table.keys {
@@ -213,11 +193,9 @@ fn value(key: &Key, path: &str) -> String {
         Value::Quantities(count, kind, bounds) => {
             format!("list of {count}, each {}, {}", kind.noun(), words(bounds))
         }
-        Value::Limits(kind, bounds) => format!(
-            "lower and upper limit, each {}, {}",
-            kind.noun(),
-            words(bounds)
-        ),
+        Value::Limits(kind, bounds) => {
+            format!("lower and upper limit, each {}, {}", kind.noun(), words(bounds))
+        }
         Value::Choice(choices) => choices
             .iter()
             .map(|(word, meaning)| format!("`\"{word}\"`: {meaning}"))

@@ -125,9 +125,7 @@ impl CheckedTable {
 
     /// Where a key's value stands; the table itself for a default.
     pub fn place(&self, key: &str) -> &Place {
-        self.entries
-            .get(key)
-            .map_or(&self.place, |item| &item.place)
+        self.entries.get(key).map_or(&self.place, |item| &item.place)
     }
 
     /// Whether a key stands in the file, rather than its default.
@@ -142,11 +140,7 @@ impl CheckedTable {
 }
 
 fn join(path: &str, key: &str) -> String {
-    if path.is_empty() {
-        key.into()
-    } else {
-        format!("{path}.{key}")
-    }
+    if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
 
 /// The walk through a tree.
@@ -179,38 +173,23 @@ impl Reader<'_> {
         path: &str,
         place: &Place,
     ) -> CheckedTable {
-        let mut checked = CheckedTable {
-            path: path.into(),
-            place: place.clone(),
-            entries: HashMap::new(),
-        };
+        let mut checked =
+            CheckedTable { path: path.into(), place: place.clone(), entries: HashMap::new() };
         for entry in entries {
             if table.key(&entry.name).is_none() {
                 let help = nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys");
-                self.error(
-                    &entry.place,
-                    &join(path, &entry.name),
-                    "unknown key".into(),
-                    help,
-                );
+                self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
             }
         }
         let chosen = self.alternative(table, entries, path, place);
         for key in table.keys {
             let key_path = join(path, key.name);
             let entry = entries.iter().find(|entry| entry.name == key.name);
-            let offered = table
-                .alternatives
-                .iter()
-                .any(|group| group.contains(&key.name));
+            let offered = table.alternatives.iter().any(|group| group.contains(&key.name));
             let in_choice = !offered || chosen.is_some_and(|group| group.contains(&key.name));
             if let Some(entry) = entry {
                 if let Some(value) = self.value(&key.value, entry, &key_path) {
-                    let item = Item {
-                        value,
-                        place: entry.node.place.clone(),
-                        given: true,
-                    };
+                    let item = Item { value, place: entry.node.place.clone(), given: true };
                     checked.entries.insert(key.name, item);
                 }
                 continue;
@@ -225,11 +204,7 @@ impl Reader<'_> {
                     });
                     let value = entry.and_then(|entry| self.value(&key.value, &entry, &key_path));
                     let value = value.unwrap_or_else(|| unreachable!("default of {key_path}"));
-                    let item = Item {
-                        value,
-                        place: place.clone(),
-                        given: false,
-                    };
+                    let item = Item { value, place: place.clone(), given: false };
                     checked.entries.insert(key.name, item);
                 }
                 Need::Required if in_choice && !self.lenient => {
@@ -237,11 +212,7 @@ impl Reader<'_> {
                         place,
                         &key_path,
                         "missing key".into(),
-                        format!(
-                            "add {}: {}",
-                            example(key, &key_path),
-                            first_sentence(key.doc)
-                        ),
+                        format!("add {}: {}", example(key, &key_path), first_sentence(key.doc)),
                     );
                 }
                 _ => {}
@@ -258,16 +229,9 @@ impl Reader<'_> {
         path: &str,
         place: &Place,
     ) -> Option<&'static [&'static str]> {
-        let uses = |group: &&&[&str]| {
-            entries
-                .iter()
-                .find(|entry| group.contains(&entry.name.as_str()))
-        };
-        let used: Vec<_> = table
-            .alternatives
-            .iter()
-            .filter(|g| uses(g).is_some())
-            .collect();
+        let uses =
+            |group: &&&[&str]| entries.iter().find(|entry| group.contains(&entry.name.as_str()));
+        let used: Vec<_> = table.alternatives.iter().filter(|g| uses(g).is_some()).collect();
         let spelled: Vec<String> = table
             .alternatives
             .iter()
@@ -281,9 +245,7 @@ impl Reader<'_> {
         match used.as_slice() {
             [] if table.alternatives.is_empty() || self.lenient => None,
             [] => {
-                let example = table.alternatives[0]
-                    .first()
-                    .and_then(|name| table.key(name));
+                let example = table.alternatives[0].first().and_then(|name| table.key(name));
                 let example = example.map_or(String::new(), |key| {
                     format!(", such as {}", self::example(key, &join(path, key.name)))
                 });
@@ -336,12 +298,9 @@ impl Reader<'_> {
             },
             Value::Bool => match &node.value {
                 Tree::Bool(value) => Some(Checked::Bool(*value)),
-                _ => self.wrong_type(
-                    node,
-                    path,
-                    "true or false",
-                    &format!("{} = true", entry.name),
-                ),
+                _ => {
+                    self.wrong_type(node, path, "true or false", &format!("{} = true", entry.name))
+                }
             },
             Value::Count(low, high) => match &node.value {
                 Tree::Integer(value) => match usize::try_from(*value) {
@@ -374,10 +333,8 @@ impl Reader<'_> {
             Value::Numbers(count, bounds) => {
                 let form = format!("{} = [{}]", entry.name, vec!["1.0"; *count].join(", "));
                 let items = self.list(node, path, Some(*count), &form)?;
-                let values: Vec<_> = items
-                    .iter()
-                    .map(|item| self.number(item, path, bounds))
-                    .collect();
+                let values: Vec<_> =
+                    items.iter().map(|item| self.number(item, path, bounds)).collect();
                 Some(Checked::Numbers(values.into_iter().collect::<Option<_>>()?))
             }
             Value::Quantities(count, kind, bounds) => {
@@ -412,30 +369,20 @@ impl Reader<'_> {
                     return Some(Checked::Choice(word));
                 }
                 let help = nearest_help(text, names, "values");
-                self.error(
-                    &node.place,
-                    path,
-                    format!("\"{text}\" is not one of the values"),
-                    help,
-                );
+                self.error(&node.place, path, format!("\"{text}\" is not one of the values"), help);
                 None
             }
-            Value::Spanwise(kind, bounds) => self
-                .spanwise(node, &entry.name, path, *kind, bounds, false)
-                .map(Checked::Spanwise),
-            Value::SpanwiseFromZero(kind, bounds) => self
-                .spanwise(node, &entry.name, path, *kind, bounds, true)
-                .map(Checked::Spanwise),
+            Value::Spanwise(kind, bounds) => {
+                self.spanwise(node, &entry.name, path, *kind, bounds, false).map(Checked::Spanwise)
+            }
+            Value::SpanwiseFromZero(kind, bounds) => {
+                self.spanwise(node, &entry.name, path, *kind, bounds, true).map(Checked::Spanwise)
+            }
             Value::Table(table) => {
                 let Tree::Table(entries) = &node.value else {
                     return self.wrong_type(node, path, "a table", &format!("[{path}]"));
                 };
-                Some(Checked::Table(self.table(
-                    table,
-                    entries,
-                    path,
-                    &entry.place,
-                )))
+                Some(Checked::Table(self.table(table, entries, path, &entry.place)))
             }
             Value::Named(table, noun) => {
                 let Tree::Table(entries) = &node.value else {
@@ -502,10 +449,7 @@ impl Reader<'_> {
             self.error(
                 &node.place,
                 path,
-                format!(
-                    "a list of {} where {count} values are expected",
-                    items.len()
-                ),
+                format!("a list of {} where {count} values are expected", items.len()),
                 format!("write {form}"),
             );
             return None;
@@ -547,24 +491,20 @@ impl Reader<'_> {
         bounds: &Bounds,
     ) -> Option<Vec<f64>> {
         // Every item is looked at before the first fault ends the list.
-        let values: Vec<_> = items
-            .iter()
-            .map(|item| self.quantity(item, path, kind, bounds))
-            .collect();
+        let values: Vec<_> =
+            items.iter().map(|item| self.quantity(item, path, kind, bounds)).collect();
         values.into_iter().collect()
     }
 
     fn quantity(&mut self, node: &Node, path: &str, kind: Kind, bounds: &Bounds) -> Option<f64> {
         let result = match &node.value {
             Tree::Text(text) => parse_quantity(text, kind),
-            Tree::Float(value) if !value.is_finite() => Err(QuantityError::NotFinite {
-                text: self.sources.slice(&node.place).into(),
-                kind,
-            }),
-            Tree::Integer(_) | Tree::Float(_) => Err(QuantityError::Bare {
-                text: self.sources.slice(&node.place).into(),
-                kind,
-            }),
+            Tree::Float(value) if !value.is_finite() => {
+                Err(QuantityError::NotFinite { text: self.sources.slice(&node.place).into(), kind })
+            }
+            Tree::Integer(_) | Tree::Float(_) => {
+                Err(QuantityError::Bare { text: self.sources.slice(&node.place).into(), kind })
+            }
             other => {
                 let unit = kind.usual_units()[0];
                 self.error(
@@ -627,15 +567,9 @@ impl Reader<'_> {
         let Tree::Table(entries) = &node.value else {
             let value = self.quantity(node, path, kind, bounds)?;
             return Some(if from_zero {
-                Spanwise {
-                    station: vec![0.0, 1.0],
-                    value: vec![0.0, value],
-                }
+                Spanwise { station: vec![0.0, 1.0], value: vec![0.0, value] }
             } else {
-                Spanwise {
-                    station: vec![0.0],
-                    value: vec![value],
-                }
+                Spanwise { station: vec![0.0], value: vec![value] }
             });
         };
         let unit = kind.usual_units()[0];
@@ -644,12 +578,7 @@ impl Reader<'_> {
         for entry in entries {
             if !matches!(entry.name.as_str(), "station" | "value") {
                 let help = nearest_help(&entry.name, ["station", "value"].into_iter(), "keys");
-                self.error(
-                    &entry.place,
-                    &join(path, &entry.name),
-                    "unknown key".into(),
-                    help,
-                );
+                self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
             }
         }
         let find = |key: &str| entries.iter().find(|entry| entry.name == key);
@@ -663,17 +592,12 @@ impl Reader<'_> {
             return None;
         };
         let station_path = join(path, "station");
-        let unit_interval = Bounds {
-            low: Some(("0", true)),
-            high: Some(("1", true)),
-        };
+        let unit_interval = Bounds { low: Some(("0", true)), high: Some(("1", true)) };
         let stations = self.list(&station.node, &station_path, None, &form)?;
         let values = self.list(&value.node, &join(path, "value"), None, &form)?;
         let places: Vec<&Place> = stations.iter().map(|item| &item.place).collect();
-        let numbers: Vec<_> = stations
-            .iter()
-            .map(|item| self.number(item, &station_path, &unit_interval))
-            .collect();
+        let numbers: Vec<_> =
+            stations.iter().map(|item| self.number(item, &station_path, &unit_interval)).collect();
         let quantities = self.quantities(values, &join(path, "value"), kind, bounds);
         let numbers: Vec<f64> = numbers.into_iter().collect::<Option<_>>()?;
         let quantities = quantities?;
@@ -695,10 +619,7 @@ impl Reader<'_> {
             );
             return None;
         }
-        Some(Spanwise {
-            station: numbers,
-            value: quantities,
-        })
+        Some(Spanwise { station: numbers, value: quantities })
     }
 }
 
@@ -743,11 +664,7 @@ pub(super) fn words(bounds: &Bounds) -> String {
 
 /// `did you mean ...?` where something is close, and the list of what there
 /// is where nothing is, or where the list is short.
-pub(super) fn nearest_help<'a>(
-    given: &str,
-    known: impl Iterator<Item = &'a str>,
-    what: &str,
-) -> String {
+pub fn nearest_help<'a>(given: &str, known: impl Iterator<Item = &'a str>, what: &str) -> String {
     let known: Vec<&str> = known.collect();
     let lower = given.to_lowercase();
     let mut best: Option<(&str, f64)> = None;
@@ -757,11 +674,7 @@ pub(super) fn nearest_help<'a>(
             best = Some((name, likeness));
         }
     }
-    let list = known
-        .iter()
-        .map(|name| format!("`{name}`"))
-        .collect::<Vec<_>>()
-        .join(", ");
+    let list = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     match best {
         Some((name, likeness)) if likeness > 0.8 => {
             format!("did you mean `{name}`? The {what} here are {list}")
@@ -801,7 +714,5 @@ fn first_sentence(doc: &str) -> String {
     let end = doc.find(". ").unwrap_or(doc.trim_end_matches('.').len());
     let sentence = doc[..end].trim_end_matches('.');
     let mut chars = sentence.chars();
-    chars.next().map_or(String::new(), |first| {
-        first.to_lowercase().chain(chars).collect()
-    })
+    chars.next().map_or(String::new(), |first| first.to_lowercase().chain(chars).collect())
 }

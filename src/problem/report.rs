@@ -49,12 +49,8 @@ impl Diagnostic {
         let (line, column) = sources.line_and_column(place);
         let source = &sources.files()[place.source];
         let text = source.text.lines().nth(line - 1).unwrap_or("");
-        let marked = sources
-            .slice(place)
-            .lines()
-            .next()
-            .map_or(0, |first| first.chars().count())
-            .max(1);
+        let marked =
+            sources.slice(place).lines().next().map_or(0, |first| first.chars().count()).max(1);
         Self {
             severity,
             file: source.name.clone(),
@@ -138,14 +134,9 @@ pub struct Report {
 impl Report {
     pub(super) fn new(mut findings: Vec<Diagnostic>, unreadable: bool) -> Self {
         sort(&mut findings);
-        let (errors, warnings) = findings
-            .into_iter()
-            .partition(|finding| finding.severity == Severity::Error);
-        Self {
-            errors,
-            warnings,
-            unreadable,
-        }
+        let (errors, warnings) =
+            findings.into_iter().partition(|finding| finding.severity == Severity::Error);
+        Self { errors, warnings, unreadable }
     }
 
     /// The report as text, with ANSI colour on request.

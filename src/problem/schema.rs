@@ -44,30 +44,19 @@ fn table(table: &Table, complete: bool) -> Json {
         "additionalProperties": false,
     });
     let required = |keys: &[&Key]| -> Vec<&'static str> {
-        keys.iter()
-            .filter(|key| key.need == Need::Required)
-            .map(|key| key.name)
-            .collect()
+        keys.iter().filter(|key| key.need == Need::Required).map(|key| key.name).collect()
     };
     if complete {
         let plain: Vec<&Key> = table
             .keys
             .iter()
-            .filter(|key| {
-                !table
-                    .alternatives
-                    .iter()
-                    .any(|group| group.contains(&key.name))
-            })
+            .filter(|key| !table.alternatives.iter().any(|group| group.contains(&key.name)))
             .collect();
         schema["required"] = json!(required(&plain));
     }
     if !table.alternatives.is_empty() {
         let any_of = |group: &[&str]| -> Json {
-            let each: Vec<Json> = group
-                .iter()
-                .map(|name| json!({ "required": [name] }))
-                .collect();
+            let each: Vec<Json> = group.iter().map(|name| json!({ "required": [name] })).collect();
             json!({ "anyOf": each })
         };
         let groups: Vec<Json> = table
@@ -110,9 +99,8 @@ fn key_schema(key: &Key, complete: bool) -> Json {
     }
     schema["description"] = json!(text);
     if let Need::Default(default) = key.need
-        && let Ok(toml::Value::Table(parsed)) = format!("v = {default}")
-            .parse::<toml::Table>()
-            .map(toml::Value::Table)
+        && let Ok(toml::Value::Table(parsed)) =
+            format!("v = {default}").parse::<toml::Table>().map(toml::Value::Table)
         && let Ok(default) = serde_json::to_value(&parsed["v"])
     {
         schema["default"] = default;
@@ -139,11 +127,8 @@ pub(super) fn note(value: &Value) -> Option<String> {
 }
 
 fn quantity(kind: Kind) -> Json {
-    let examples: Vec<String> = kind
-        .usual_units()
-        .iter()
-        .map(|unit| format!("10 {unit}"))
-        .collect();
+    let examples: Vec<String> =
+        kind.usual_units().iter().map(|unit| format!("10 {unit}")).collect();
     json!({ "type": "string", "pattern": QUANTITY, "examples": examples })
 }
 

@@ -33,10 +33,7 @@ impl Sources {
     }
 
     pub(super) fn add(&mut self, name: &str, text: String) -> usize {
-        self.files.push(Source {
-            name: name.into(),
-            text,
-        });
+        self.files.push(Source { name: name.into(), text });
         self.files.len() - 1
     }
 
@@ -67,16 +64,10 @@ impl Sources {
         for (index, whole) in text.split_inclusive('\n').enumerate() {
             if index + 1 == line {
                 let shown = whole.trim_end();
-                return Place {
-                    source,
-                    span: start..start + shown.len(),
-                };
+                return Place { source, span: start..start + shown.len() };
             }
             start += whole.len();
         }
-        Place {
-            source,
-            span: text.len()..text.len(),
-        }
+        Place { source, span: text.len()..text.len() }
     }
 }

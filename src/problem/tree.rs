@@ -53,10 +53,7 @@ pub(super) fn parse(sources: &Sources, source: usize, findings: &mut Vec<Diagnos
     let text = &sources.files()[source].text;
     let (table, errors) = DeTable::parse_recoverable(text);
     for error in errors {
-        let place = Place {
-            source,
-            span: error.span().unwrap_or(0..0),
-        };
+        let place = Place { source, span: error.span().unwrap_or(0..0) };
         findings.push(Diagnostic::at(
             Severity::Error,
             sources,
@@ -85,10 +82,7 @@ fn entries(table: &DeTable<'_>, source: usize) -> Vec<Entry> {
         .iter()
         .map(|(key, value)| Entry {
             name: key.get_ref().to_string(),
-            place: Place {
-                source,
-                span: key.span(),
-            },
+            place: Place { source, span: key.span() },
             node: node(value.get_ref(), value.span(), source),
         })
         .collect();
@@ -112,17 +106,11 @@ fn node(value: &DeValue<'_>, span: std::ops::Range<usize>, source: usize) -> Nod
         DeValue::Boolean(value) => Value::Bool(*value),
         DeValue::Datetime(_) => Value::Datetime,
         DeValue::Array(items) => Value::Array(
-            items
-                .iter()
-                .map(|item| node(item.get_ref(), item.span(), source))
-                .collect(),
+            items.iter().map(|item| node(item.get_ref(), item.span(), source)).collect(),
         ),
         DeValue::Table(table) => Value::Table(entries(table, source)),
     };
-    Node {
-        value,
-        place: Place { source, span },
-    }
+    Node { value, place: Place { source, span } }
 }
 
 /// Lays an extending table over its base: tables merge key by key, everything

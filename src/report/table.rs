@@ -7,6 +7,8 @@ use std::io::IsTerminal as _;
 
 use unicode_width::UnicodeWidthStr as _;
 
+use super::plot::escape;
+
 /// How the numbers of a column are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Digits {
@@ -19,7 +21,7 @@ pub enum Digits {
 /// How much attention a cell asks for. It is shown by colour on terminals only,
 /// so the text of the cell must say it too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Tone {
+pub enum Highlight {
     /// None.
     #[default]
     Plain,
@@ -35,7 +37,7 @@ pub enum Tone {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
     content: Content,
-    tone: Tone,
+    highlight: Highlight,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -49,16 +51,13 @@ impl Cell {
     /// A cell that says nothing.
     #[must_use]
     pub fn empty() -> Self {
-        Self {
-            content: Content::Empty,
-            tone: Tone::Plain,
-        }
+        Self { content: Content::Empty, highlight: Highlight::Plain }
     }
 
     /// The same cell, asking for attention.
     #[must_use]
-    pub fn tone(mut self, tone: Tone) -> Self {
-        self.tone = tone;
+    pub fn highlight(mut self, highlight: Highlight) -> Self {
+        self.highlight = highlight;
         self
     }
 }
@@ -71,19 +70,13 @@ impl From<&str> for Cell {
 
 impl From<String> for Cell {
     fn from(text: String) -> Self {
-        Self {
-            content: Content::Text(text),
-            tone: Tone::Plain,
-        }
+        Self { content: Content::Text(text), highlight: Highlight::Plain }
     }
 }
 
 impl From<f64> for Cell {
     fn from(value: f64) -> Self {
-        Self {
-            content: Content::Number(value),
-            tone: Tone::Plain,
-        }
+        Self { content: Content::Number(value), highlight: Highlight::Plain }
     }
 }
 
@@ -111,11 +104,7 @@ impl Column {
     /// A column of numbers in `unit`, which may be empty.
     #[must_use]
     pub fn number(name: &str, unit: &str, digits: Digits) -> Self {
-        Self {
-            name: name.to_string(),
-            unit: unit.to_string(),
-            digits,
-        }
+        Self { name: name.to_string(), unit: unit.to_string(), digits }
     }
 }
 
@@ -149,11 +138,7 @@ impl Coloring {
     }
 
     fn decide(terminal: bool, no_color: bool, dumb: bool) -> Self {
-        if terminal && !no_color && !dumb {
-            Self::On
-        } else {
-            Self::Off
-        }
+        if terminal && !no_color && !dumb { Self::On } else { Self::Off }
     }
 }
 
@@ -246,11 +231,7 @@ impl Table {
     /// A table without rows.
     #[must_use]
     pub fn new(title: &str, columns: Vec<Column>) -> Self {
-        Self {
-            title: title.to_string(),
-            columns,
-            rows: Vec::new(),
-        }
+        Self { title: title.to_string(), columns, rows: Vec::new() }
     }
 
     /// Adds a row. Missing cells at its end are empty.
@@ -335,13 +316,7 @@ impl Table {
                     .max()
                     .unwrap_or(0);
                 let side = if numeric { Side::Right } else { Side::Left };
-                Laid {
-                    name: column.name.clone(),
-                    unit: column.unit.clone(),
-                    cells,
-                    width,
-                    side,
-                }
+                Laid { name: column.name.clone(), unit: column.unit.clone(), cells, width, side }
             })
             .collect()
     }
@@ -357,13 +332,9 @@ impl Table {
             out.push_str(&self.title);
             out.push('\n');
         }
-        out.push_str(&line(
-            laid.iter().map(|c| pad(&c.name, c.width, c.side)).collect(),
-        ));
+        out.push_str(&line(laid.iter().map(|c| pad(&c.name, c.width, c.side)).collect()));
         if laid.iter().any(|c| !c.unit.is_empty()) {
-            out.push_str(&line(
-                laid.iter().map(|c| pad(&c.unit, c.width, c.side)).collect(),
-            ));
+            out.push_str(&line(laid.iter().map(|c| pad(&c.unit, c.width, c.side)).collect()));
         }
         out.push_str(&line(laid.iter().map(|c| "─".repeat(c.width)).collect()));
         for (index, row) in self.rows.iter().enumerate() {
@@ -372,11 +343,11 @@ impl Table {
                 .zip(row)
                 .map(|(c, cell)| {
                     let text = pad(&c.cells[index], c.width, c.side);
-                    match (coloring, cell.tone) {
-                        (Coloring::Off, _) | (_, Tone::Plain) => text,
-                        (_, Tone::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
-                        (_, Tone::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
-                        (_, Tone::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
+                    match (coloring, cell.highlight) {
+                        (Coloring::Off, _) | (_, Highlight::Plain) => text,
+                        (_, Highlight::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
+                        (_, Highlight::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
+                        (_, Highlight::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
                     }
                 })
                 .collect();
@@ -400,20 +371,13 @@ impl Table {
                 }
             })
             .collect();
-        let columns: Vec<Vec<String>> = laid
-            .iter()
-            .map(|c| c.cells.iter().map(|t| escape(t)).collect())
-            .collect();
+        let columns: Vec<Vec<String>> =
+            laid.iter().map(|c| c.cells.iter().map(|t| escape(t)).collect()).collect();
         let widths: Vec<usize> = headers
             .iter()
             .zip(&columns)
             .map(|(h, cells)| {
-                cells
-                    .iter()
-                    .map(|c| c.width())
-                    .chain([h.width(), 3])
-                    .max()
-                    .unwrap_or(3)
+                cells.iter().map(|c| c.width()).chain([h.width(), 3]).max().unwrap_or(3)
             })
             .collect();
         let mut out = String::new();
@@ -442,6 +406,58 @@ impl Table {
                 .map(|(cells, (c, &w))| pad(&cells[index], w, c.side))
                 .collect()));
         }
+        out
+    }
+
+    /// The table as an HTML `<table>`: units under the names, numbers to the
+    /// right, highlights as the classes `good`, `warning` and `bad`.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let laid = self.laid();
+        let mut out = String::from("<table>\n");
+        if !self.title.is_empty() {
+            out.push_str(&format!("<caption>{}</caption>\n", escape(&self.title)));
+        }
+        let side = |c: &Laid| match c.side {
+            Side::Left => "",
+            Side::Right => " class=\"number\"",
+        };
+        out.push_str("<thead><tr>");
+        for c in &laid {
+            let unit = if c.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" <span class=\"unit\">{}</span>", escape(&c.unit))
+            };
+            out.push_str(&format!("<th scope=\"col\"{}>{}{unit}</th>", side(c), escape(&c.name)));
+        }
+        out.push_str("</tr></thead>\n<tbody>\n");
+        for (index, row) in self.rows.iter().enumerate() {
+            out.push_str("<tr>");
+            for (c, cell) in laid.iter().zip(row) {
+                let class = match cell.highlight {
+                    Highlight::Plain => "",
+                    Highlight::Good => "good",
+                    Highlight::Warning => "warning",
+                    Highlight::Bad => "bad",
+                };
+                let number = if c.side == Side::Right { "number" } else { "" };
+                let class = format!("{number} {class}");
+                let class = match class.trim() {
+                    "" => String::new(),
+                    class => format!(" class=\"{class}\""),
+                };
+                // Blanks after the number keep the points in line.
+                let text = c.cells[index].trim_start().replace(' ', "\u{2007}");
+                let text = match cell.content {
+                    Content::Number(_) => text,
+                    _ => c.cells[index].clone(),
+                };
+                out.push_str(&format!("<td{class}>{}</td>", escape(&text)));
+            }
+            out.push_str("</tr>\n");
+        }
+        out.push_str("</tbody>\n</table>\n");
         out
     }
 
@@ -507,13 +523,13 @@ mod tests {
             Cell::from("hover"),
             Cell::from(3.407),
             Cell::from(74.88),
-            Cell::from("converged").tone(Tone::Good),
+            Cell::from("converged").highlight(Highlight::Good),
         ]);
         table.row([
             Cell::from("40 kt → 50 kt"),
             Cell::from(-0.001),
             Cell::from(8.125),
-            Cell::from("stalled").tone(Tone::Bad),
+            Cell::from("stalled").highlight(Highlight::Bad),
         ]);
         table.row([Cell::from("60 kt"), Cell::from(f64::NAN), Cell::from(124.9)]);
         table
@@ -537,10 +553,7 @@ hover          3.41   74.88   converged
     fn wide_characters_keep_the_columns_straight() {
         let mut table = Table::new(
             "",
-            vec![
-                Column::text("name"),
-                Column::number("x", "m²", Digits::Decimals(1)),
-            ],
+            vec![Column::text("name"), Column::number("x", "m²", Digits::Decimals(1))],
         );
         table.row([Cell::from("双旋翼"), Cell::from(1.0)]);
         table.row([Cell::from("e\u{301}"), Cell::from(-10.0)]);
@@ -563,10 +576,7 @@ hover          3.41   74.88   converged
         for code in ["\u{1b}[31m", "\u{1b}[32m", "\u{1b}[33m", "\u{1b}[0m"] {
             stripped = stripped.replace(code, "");
         }
-        let trimmed: String = stripped
-            .lines()
-            .map(|l| l.trim_end().to_string() + "\n")
-            .collect();
+        let trimmed: String = stripped.lines().map(|l| l.trim_end().to_string() + "\n").collect();
         assert_eq!(trimmed, plain);
         assert_eq!(Coloring::decide(true, false, false), Coloring::On);
         assert_eq!(Coloring::decide(true, true, false), Coloring::Off);
@@ -578,10 +588,7 @@ hover          3.41   74.88   converged
     fn markdown_and_csv() {
         let mut table = Table::new(
             "",
-            vec![
-                Column::text("spec"),
-                Column::number("margin", "%", Digits::Decimals(1)),
-            ],
+            vec![Column::text("spec"), Column::number("margin", "%", Digits::Decimals(1))],
         );
         table.row([Cell::from("a|b"), Cell::from(12.345678901)]);
         table.row([Cell::from("say \"x, y\""), Cell::from(-0.0)]);

@@ -19,6 +19,9 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
+//! In titles, labels and names `_{...}` is set as a subscript and `^{...}` as a
+//! superscript: `K_{P}`.
+//!
 //! What cannot be drawn is said in the figure itself and by [`Figure::notes`]:
 //! a panel without finite data, a series whose coordinates differ in number,
 //! points that a logarithmic axis cannot show.
@@ -29,7 +32,10 @@ mod draw;
 mod svg;
 
 pub use axis::{Axis, Scale};
+pub(super) use colors::variables;
 pub use colors::{DARK_PALETTE, LIGHT_PALETTE, STYLESHEET, sequential_color};
+
+pub(super) use svg::escape;
 
 /// Number of distinct looks; style indices wrap around.
 pub const STYLE_COUNT: usize = 8;
@@ -90,10 +96,7 @@ impl Series {
             Some(_) => Vec::new(),
             None => x.iter().zip(y).map(|(&x, &y)| [x, y]).collect(),
         };
-        Self {
-            mismatch,
-            ..Self::from_points(label, points)
-        }
+        Self { mismatch, ..Self::from_points(label, points) }
     }
 
     /// A line through `points`.
@@ -189,6 +192,7 @@ enum Item {
         tone: Tone,
         points: Vec<[f64; 2]>,
         outlined: bool,
+        problem: Option<String>,
     },
     Band {
         label: String,
@@ -243,14 +247,7 @@ impl Panel {
     /// An empty panel.
     #[must_use]
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self {
-            title: String::new(),
-            x,
-            y,
-            items: Vec::new(),
-            heatmap: None,
-            equal_aspect: false,
-        }
+        Self { title: String::new(), x, y, items: Vec::new(), heatmap: None, equal_aspect: false }
     }
 
     /// Title above the panel.
@@ -270,32 +267,21 @@ impl Panel {
     /// A reference line at `y = value`. It widens the range to be seen.
     #[must_use]
     pub fn horizontal_line(mut self, value: f64, label: &str) -> Self {
-        self.items.push(Item::HorizontalLine {
-            value,
-            label: label.to_string(),
-        });
+        self.items.push(Item::HorizontalLine { value, label: label.to_string() });
         self
     }
 
     /// A reference line at `x = value`. It widens the range to be seen.
     #[must_use]
     pub fn vertical_line(mut self, value: f64, label: &str) -> Self {
-        self.items.push(Item::VerticalLine {
-            value,
-            label: label.to_string(),
-        });
+        self.items.push(Item::VerticalLine { value, label: label.to_string() });
         self
     }
 
     /// Shades a rectangle. Bounds may be infinite, and do not widen the range.
     #[must_use]
     pub fn band(mut self, x: (f64, f64), y: (f64, f64), tone: Tone, label: &str) -> Self {
-        self.items.push(Item::Band {
-            label: label.to_string(),
-            tone,
-            x,
-            y,
-        });
+        self.items.push(Item::Band { label: label.to_string(), tone, x, y });
         self
     }
 
@@ -319,12 +305,13 @@ impl Panel {
             tone,
             points: points.to_vec(),
             outlined: true,
+            problem: None,
         });
         self
     }
 
     /// Fills between `low[i]` and `high[i]` over `x[i]`. Points that are not
-    /// finite are left out; lengths are cut to the shortest.
+    /// finite are left out. If the lengths differ nothing is filled, and a note says so.
     #[must_use]
     pub fn fill_between(
         mut self,
@@ -334,10 +321,20 @@ impl Panel {
         tone: Tone,
         label: &str,
     ) -> Self {
+        let same = x.len() == low.len() && x.len() == high.len();
+        let problem = (!same).then(|| {
+            format!(
+                "not filled, {} abscissae but {} lower and {} upper bounds",
+                x.len(),
+                low.len(),
+                high.len()
+            )
+        });
         let kept: Vec<(f64, f64, f64)> = x
             .iter()
             .zip(low.iter().zip(high))
             .map(|(&x, (&low, &high))| (x, low, high))
+            .filter(|_| same)
             .filter(|(x, low, high)| x.is_finite() && low.is_finite() && high.is_finite())
             .collect();
         let points = kept
@@ -350,6 +347,7 @@ impl Panel {
             tone,
             points,
             outlined: false,
+            problem,
         });
         self
     }
@@ -358,21 +356,14 @@ impl Panel {
     /// of constant damping. It does not widen the range.
     #[must_use]
     pub fn guide(mut self, points: &[[f64; 2]], label: &str) -> Self {
-        self.items.push(Item::Guide {
-            points: points.to_vec(),
-            label: label.to_string(),
-        });
+        self.items.push(Item::Guide { points: points.to_vec(), label: label.to_string() });
         self
     }
 
     /// Text beside a point. It does not widen the range.
     #[must_use]
     pub fn text(mut self, x: f64, y: f64, text: &str, anchor: Anchor) -> Self {
-        self.items.push(Item::Text {
-            at: [x, y],
-            text: text.to_string(),
-            anchor,
-        });
+        self.items.push(Item::Text { at: [x, y], text: text.to_string(), anchor });
         self
     }
 
@@ -413,23 +404,34 @@ impl Panel {
     /// What could not be drawn as given.
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
+        for (name, axis) in [("x", &self.x), ("y", &self.y)] {
+            if let (Some((low, high)), None) = (axis.range, axis.resolve(None)) {
+                notes.push(format!("{name} axis: no range from {low} to {high}"));
+            }
+        }
+        for item in &self.items {
+            if let Item::Region { label, problem: Some(problem), .. } = item {
+                notes.push(format!("{label}: {problem}"));
+            }
+        }
+        if let Some(map) = &self.heatmap {
+            let (rows, columns) = (self.y.places(), self.x.places());
+            if map.values.len() != rows || map.values.iter().any(|r| r.len() != columns) {
+                notes.push(format!(
+                    "{}: the values do not fill {rows} rows of {columns}",
+                    map.label
+                ));
+            }
+        }
         for series in self.series() {
             if let Some((x, y)) = series.mismatch {
-                notes.push(format!(
-                    "{}: not drawn, {x} abscissae but {y} ordinates",
-                    series.label
-                ));
+                notes.push(format!("{}: not drawn, {x} abscissae but {y} ordinates", series.label));
                 continue;
             }
-            let finite: Vec<_> = series
-                .points
-                .iter()
-                .filter(|p| p[0].is_finite() && p[1].is_finite())
-                .collect();
-            let shown = finite
-                .iter()
-                .filter(|p| self.x.accepts(p[0]) && self.y.accepts(p[1]))
-                .count();
+            let finite: Vec<_> =
+                series.points.iter().filter(|p| p[0].is_finite() && p[1].is_finite()).collect();
+            let shown =
+                finite.iter().filter(|p| self.x.accepts(p[0]) && self.y.accepts(p[1])).count();
             if finite.is_empty() {
                 notes.push(format!("{}: no data", series.label));
             } else if shown < finite.len() {
