@@ -6,6 +6,7 @@
 //! * [`metrics`]: margins, disturbance rejection, bandwidth: one definition each.
 //! * [`kite`]: the region around −1 that margins forbid.
 //! * [`tuning`]: gains by a sequence of conic programs.
+//! * [`spec`]: the specification file.
 //! * [`stability`]: closed-loop eigenvalues of the full order.
 //! * [`testbed`]: plants from published matrices for tests and benchmarks.
 
@@ -14,6 +15,7 @@ pub mod kite;
 pub mod loops;
 pub mod metrics;
 pub mod plant;
+pub mod spec;
 pub mod stability;
 pub mod testbed;
 pub mod tuning;
