@@ -1,4 +1,5 @@
-//! Writes every kind of figure, drawn from made-up but realistic numbers, into a folder.
+//! Writes every kind of figure, drawn from made-up but realistic numbers, into a
+//! folder, each as a file and all of them as one page.
 //!
 //! ```text
 //! cargo run --example plot_gallery -- FOLDER
@@ -13,7 +14,9 @@ use coaxdesign::report::figures::{
     gain_schedule_figure, heatmap_figure, interference_figure, nichols_figure, nyquist_figure,
     orbit_figure, sensitivity_figure, time_history_figure, trim_figure,
 };
+use coaxdesign::report::html::{Page, Section};
 use coaxdesign::report::plot::{Axis, Figure, Legend, Panel, Series, Tone};
+use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table};
 use num_complex::Complex64;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -42,12 +45,34 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("interference", interference()),
         ("corner-cases", corner_cases()),
     ];
+    let mut page = Page::new("Gallery").summary("Made-up numbers, to look at the figures.");
     for (name, figure) in figures {
         std::fs::write(folder.join(format!("{name}.svg")), figure.to_svg())?;
         for note in figure.notes() {
             println!("{name}: {note}");
         }
+        page = page.section(Section::new(name).figure(figure, ""));
     }
+    let mut table = Table::new(
+        "Trim",
+        vec![
+            Column::number("airspeed", "kt", Digits::Decimals(0)),
+            Column::number("power", "hp", Digits::Significant(4)),
+            Column::text("status"),
+        ],
+    );
+    table.row([
+        Cell::from(0.0),
+        Cell::from(74.88),
+        Cell::from("converged").highlight(Highlight::Good),
+    ]);
+    table.row([
+        Cell::from(80.0),
+        Cell::from(8.125),
+        Cell::from("stalled").highlight(Highlight::Bad),
+    ]);
+    page = page.section(Section::new("table").table(table));
+    std::fs::write(folder.join("index.html"), page.to_html())?;
     Ok(())
 }
 
@@ -303,7 +328,7 @@ fn gains() -> Figure {
     let speed = sample(0.0, 80.0, 9);
     let names = ["roll", "pitch", "yaw"];
     let mut panels = Vec::new();
-    for (row, (gain, unit)) in [("K_P", "1/s²"), ("K_I", "1/s³"), ("K_D", "1/s")]
+    for (row, (gain, unit)) in [("K_{P}", "1/s²"), ("K_{I}", "1/s³"), ("K_{D}", "1/s")]
         .into_iter()
         .enumerate()
     {
@@ -497,7 +522,7 @@ fn interference() -> Figure {
             ),
             panel(
                 "",
-                "interference factor 2 G₁₁",
+                "interference factor 2G_{11}",
                 "",
                 vec![
                     curve(

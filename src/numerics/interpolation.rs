@@ -4,6 +4,8 @@
 //! * [`CubicHermite`]: one variable, C¹, never outside its data.
 //! * [`Bicubic`]: several functions of two variables on one grid, C¹, never
 //!   outside their data, found in constant time.
+//! * [`UniformTable`]: several functions of one variable, C¹ and of fourth
+//!   order.
 //! * [`ChebyshevSeries`]: several smooth functions of one variable, with
 //!   derivative.
 //!
@@ -601,6 +603,90 @@ fn node_data(x: &[f64], y: &[f64], f: &[f64], ends: [Ends; 2]) -> Vec<NodeData> 
     nodes
 }
 
+/// Functions f₁…f_C of one variable on an equally spaced grid: C¹ cubic
+/// pieces with slopes from five-point differences, of fourth order.
+#[derive(Debug, Clone)]
+pub struct UniformTable<const C: usize> {
+    low: f64,
+    per_step: f64,
+    /// Power coefficients in the fraction of each cell.
+    cells: Vec<[[f64; C]; 4]>,
+}
+
+impl<const C: usize> UniformTable<C> {
+    /// Tabulates `f` at `cells + 1` points on [low, high].
+    ///
+    /// # Errors
+    /// With fewer than four cells, an empty interval, or a value that is not
+    /// finite.
+    pub fn fit(
+        low: f64,
+        high: f64,
+        cells: usize,
+        mut f: impl FnMut(f64) -> [f64; C],
+    ) -> Result<Self, GridError> {
+        check_axis("x", &[low, high], 2)?;
+        if cells < 4 {
+            return Err(GridError::TooFewBreakpoints {
+                axis: "x",
+                found: cells + 1,
+                needed: 5,
+            });
+        }
+        let values: Vec<[f64; C]> = (0..=cells)
+            .map(|i| f(low + (high - low) * i as f64 / cells as f64))
+            .collect();
+        check_values(values.as_flattened(), (cells + 1) * C)?;
+        // Five-point difference formulas, by place in the stencil.
+        const STENCIL: [[f64; 5]; 5] = [
+            [-25.0, 48.0, -36.0, 16.0, -3.0],
+            [-3.0, -10.0, 18.0, -6.0, 1.0],
+            [1.0, -8.0, 0.0, 8.0, -1.0],
+            [-1.0, 6.0, -18.0, 10.0, 3.0],
+            [3.0, -16.0, 36.0, -48.0, 25.0],
+        ];
+        let slope = |i: usize, c: usize| {
+            let first = i.saturating_sub(2).min(cells - 4);
+            (0..5)
+                .map(|k| STENCIL[i - first][k] * values[first + k][c])
+                .sum::<f64>()
+                / 12.0
+        };
+        let pieces = (0..cells)
+            .map(|i| {
+                let mut piece = [[0.0; C]; 4];
+                for c in 0..C {
+                    let ends = [values[i][c], values[i + 1][c], slope(i, c), slope(i + 1, c)];
+                    for (p, a) in hermite_to_power(1.0, ends).into_iter().enumerate() {
+                        piece[p][c] = a;
+                    }
+                }
+                piece
+            })
+            .collect();
+        Ok(Self {
+            low,
+            per_step: cells as f64 / (high - low),
+            cells: pieces,
+        })
+    }
+
+    /// Values and derivatives at `x`. Beyond the interval the end pieces go
+    /// on.
+    #[inline]
+    pub fn evaluate(&self, x: f64) -> ([f64; C], [f64; C]) {
+        let at = (x - self.low) * self.per_step;
+        let cell = (at.max(0.0) as usize).min(self.cells.len() - 1);
+        let (d, a) = (at - cell as f64, &self.cells[cell]);
+        (
+            std::array::from_fn(|c| a[0][c] + d * (a[1][c] + d * (a[2][c] + d * a[3][c]))),
+            std::array::from_fn(|c| {
+                self.per_step * (a[1][c] + d * (2.0 * a[2][c] + d * (3.0 * a[3][c])))
+            }),
+        )
+    }
+}
+
 /// Functions f₁…f_C of one variable as Chebyshev series on [low, high]:
 /// f_c(x) = Σ_k a_k,c T_k(t), t the variable mapped to [−1, 1].
 #[derive(Debug, Clone)]
@@ -873,6 +959,25 @@ mod tests {
         };
         let (coarse, fine) = (error(10), error(40));
         assert!(coarse / fine > 40.0, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_uniform_table_is_of_fourth_order_and_exact_for_quartic_slopes() {
+        let error = |cells: usize| {
+            let table =
+                UniformTable::fit(-1.0, 2.0, cells, |x| [(2.0 * x).sin(), x * x * x]).unwrap();
+            let mut worst: f64 = 0.0;
+            for k in 0..=300 {
+                let x = -1.0 + 0.01 * k as f64;
+                let (value, slope) = table.evaluate(x);
+                worst = worst.max((value[0] - (2.0 * x).sin()).abs());
+                assert!((value[1] - x.powi(3)).abs() < 1e-12);
+                assert!((slope[1] - 3.0 * x * x).abs() < 1e-11);
+            }
+            worst
+        };
+        let ratio = error(32) / error(64);
+        assert!(ratio > 12.0 && ratio < 20.0, "{ratio}");
     }
 
     #[test]

@@ -11,6 +11,12 @@ use super::plot::{Anchor, Axis, Figure, Legend, Panel, Series, Tone};
 /// The level that ends a disturbance rejection bandwidth, dB.
 const REJECTION_LEVEL_DB: f64 = -3.01;
 
+/// Gains shown in a Nichols figure, dB, up and down.
+const NICHOLS_GAIN_DB: f64 = 30.0;
+
+/// Lowest sensitivity shown, dB; what is below meets every requirement.
+const LOWEST_SENSITIVITY_DB: f64 = -40.0;
+
 /// Whether the points of a curve are marked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Marks {
@@ -165,7 +171,8 @@ pub fn trim_figure(title: &str, speed_unit: &str, sweeps: &[TrimSweep]) -> Figur
             // The legend names the models; the rotors are named at their curves.
             let line = series("", sweep.style, &sweep.speed, &share.values, sweep.marks);
             shares = shares.line(line);
-            let middle = share.values.len() / 2;
+            // Away from hover, where the curves are steep and close to each other.
+            let middle = share.values.len() * 3 / 4;
             let place = (sweep.speed.get(middle), share.values.get(middle));
             if let ((Some(&x), Some(&y)), true) = (place, sweep.style == sweeps[0].style) {
                 let others = sweep
@@ -494,7 +501,7 @@ impl ExclusionRegion {
 
     fn label(&self) -> String {
         format!(
-            "inside {:.0} dB, {:.0} deg",
+            "less than {} dB, {} deg",
             self.gain_margin_db, self.phase_margin_deg
         )
     }
@@ -588,12 +595,20 @@ pub fn nichols_figure(
     region: Option<&ExclusionRegion>,
 ) -> Figure {
     let phases: Vec<Vec<f64>> = responses.iter().map(|r| r.phase_deg(None)).collect();
-    let finite = || phases.iter().flatten().copied().filter(|p| p.is_finite());
-    let low = finite().fold(-270.0, f64::min).max(-720.0);
+    // Only what happens within the range of gains that is shown.
+    let finite = || {
+        responses
+            .iter()
+            .zip(&phases)
+            .flat_map(|(r, phase)| r.magnitude_db().into_iter().zip(phase.iter().copied()))
+            .filter(|(gain, p)| p.is_finite() && gain.abs() <= NICHOLS_GAIN_DB)
+            .map(|(_, p)| p)
+    };
+    let low = finite().fold(-270.0, f64::min).max(-540.0);
     let high = finite().fold(-90.0, f64::max).min(360.0);
     let mut panel = Panel::new(
-        Axis::degrees("open-loop phase").range(low - 10.0, high + 10.0),
-        Axis::linear("open-loop gain", "dB").range(-30.0, 30.0),
+        Axis::degrees("open-loop phase").range(low - 10.0, high + 35.0),
+        Axis::linear("open-loop gain", "dB").range(-NICHOLS_GAIN_DB, NICHOLS_GAIN_DB),
     )
     .horizontal_line(0.0, "");
     if let Some(region) = region {
@@ -682,9 +697,23 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
         .legend(Legend::Above)
         .share_x();
     for data in panels {
+        let values = || {
+            data.responses
+                .iter()
+                .flat_map(FrequencyResponse::magnitude_db)
+        };
+        let top = values()
+            .fold(data.peak_spec_db.unwrap_or(0.0), f64::max)
+            .max(3.0);
+        let low = values().fold(f64::INFINITY, f64::min);
+        let bottom = if low.is_finite() {
+            low.clamp(LOWEST_SENSITIVITY_DB, -10.0)
+        } else {
+            LOWEST_SENSITIVITY_DB
+        };
         let mut panel = Panel::new(
             Axis::log("frequency", "rad/s").tight(),
-            Axis::linear("sensitivity", "dB").include(0.0),
+            Axis::linear("sensitivity", "dB").range(bottom - 1.0, top + 2.5),
         )
         .title(&data.title)
         .horizontal_line(REJECTION_LEVEL_DB, "");
@@ -706,7 +735,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
                 )
                 .text(
                     bandwidth,
-                    REJECTION_LEVEL_DB,
+                    0.5 * (REJECTION_LEVEL_DB + data.peak_spec_db.unwrap_or(0.0)),
                     &format!("{bandwidth} rad/s"),
                     Anchor::Right,
                 );

@@ -7,6 +7,8 @@ use std::io::IsTerminal as _;
 
 use unicode_width::UnicodeWidthStr as _;
 
+use super::plot::escape;
+
 /// How the numbers of a column are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Digits {
@@ -19,7 +21,7 @@ pub enum Digits {
 /// How much attention a cell asks for. It is shown by colour on terminals only,
 /// so the text of the cell must say it too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Tone {
+pub enum Highlight {
     /// None.
     #[default]
     Plain,
@@ -35,7 +37,7 @@ pub enum Tone {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
     content: Content,
-    tone: Tone,
+    highlight: Highlight,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -51,14 +53,14 @@ impl Cell {
     pub fn empty() -> Self {
         Self {
             content: Content::Empty,
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 
     /// The same cell, asking for attention.
     #[must_use]
-    pub fn tone(mut self, tone: Tone) -> Self {
-        self.tone = tone;
+    pub fn highlight(mut self, highlight: Highlight) -> Self {
+        self.highlight = highlight;
         self
     }
 }
@@ -73,7 +75,7 @@ impl From<String> for Cell {
     fn from(text: String) -> Self {
         Self {
             content: Content::Text(text),
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 }
@@ -82,7 +84,7 @@ impl From<f64> for Cell {
     fn from(value: f64) -> Self {
         Self {
             content: Content::Number(value),
-            tone: Tone::Plain,
+            highlight: Highlight::Plain,
         }
     }
 }
@@ -372,11 +374,11 @@ impl Table {
                 .zip(row)
                 .map(|(c, cell)| {
                     let text = pad(&c.cells[index], c.width, c.side);
-                    match (coloring, cell.tone) {
-                        (Coloring::Off, _) | (_, Tone::Plain) => text,
-                        (_, Tone::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
-                        (_, Tone::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
-                        (_, Tone::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
+                    match (coloring, cell.highlight) {
+                        (Coloring::Off, _) | (_, Highlight::Plain) => text,
+                        (_, Highlight::Good) => format!("\u{1b}[32m{text}\u{1b}[0m"),
+                        (_, Highlight::Warning) => format!("\u{1b}[33m{text}\u{1b}[0m"),
+                        (_, Highlight::Bad) => format!("\u{1b}[31m{text}\u{1b}[0m"),
                     }
                 })
                 .collect();
@@ -445,6 +447,62 @@ impl Table {
         out
     }
 
+    /// The table as an HTML `<table>`: units under the names, numbers to the
+    /// right, highlights as the classes `good`, `warning` and `bad`.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let laid = self.laid();
+        let mut out = String::from("<table>\n");
+        if !self.title.is_empty() {
+            out.push_str(&format!("<caption>{}</caption>\n", escape(&self.title)));
+        }
+        let side = |c: &Laid| match c.side {
+            Side::Left => "",
+            Side::Right => " class=\"number\"",
+        };
+        out.push_str("<thead><tr>");
+        for c in &laid {
+            let unit = if c.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" <span class=\"unit\">{}</span>", escape(&c.unit))
+            };
+            out.push_str(&format!(
+                "<th scope=\"col\"{}>{}{unit}</th>",
+                side(c),
+                escape(&c.name)
+            ));
+        }
+        out.push_str("</tr></thead>\n<tbody>\n");
+        for (index, row) in self.rows.iter().enumerate() {
+            out.push_str("<tr>");
+            for (c, cell) in laid.iter().zip(row) {
+                let class = match cell.highlight {
+                    Highlight::Plain => "",
+                    Highlight::Good => "good",
+                    Highlight::Warning => "warning",
+                    Highlight::Bad => "bad",
+                };
+                let number = if c.side == Side::Right { "number" } else { "" };
+                let class = format!("{number} {class}");
+                let class = match class.trim() {
+                    "" => String::new(),
+                    class => format!(" class=\"{class}\""),
+                };
+                // Blanks after the number keep the points in line.
+                let text = c.cells[index].trim_start().replace(' ', "\u{2007}");
+                let text = match cell.content {
+                    Content::Number(_) => text,
+                    _ => c.cells[index].clone(),
+                };
+                out.push_str(&format!("<td{class}>{}</td>", escape(&text)));
+            }
+            out.push_str("</tr>\n");
+        }
+        out.push_str("</tbody>\n</table>\n");
+        out
+    }
+
     /// The table as CSV (RFC 4180): one header line with units in brackets, and
     /// numbers in full precision, whatever the digits of the columns.
     #[must_use]
@@ -507,13 +565,13 @@ mod tests {
             Cell::from("hover"),
             Cell::from(3.407),
             Cell::from(74.88),
-            Cell::from("converged").tone(Tone::Good),
+            Cell::from("converged").highlight(Highlight::Good),
         ]);
         table.row([
             Cell::from("40 kt → 50 kt"),
             Cell::from(-0.001),
             Cell::from(8.125),
-            Cell::from("stalled").tone(Tone::Bad),
+            Cell::from("stalled").highlight(Highlight::Bad),
         ]);
         table.row([Cell::from("60 kt"), Cell::from(f64::NAN), Cell::from(124.9)]);
         table

@@ -108,6 +108,14 @@ impl Axis {
         }
     }
 
+    /// Number of named places; none on an axis of numbers.
+    pub(super) fn places(&self) -> usize {
+        match &self.scale {
+            Scale::Category(names) => names.len(),
+            _ => 0,
+        }
+    }
+
     pub(super) fn is_log(&self) -> bool {
         self.scale == Scale::Log
     }

@@ -30,6 +30,19 @@ pub(super) fn role(name: &str) -> &'static str {
         .map_or("#000000", |r| r.1)
 }
 
+/// The CSS variables that [`STYLESHEET`] uses, with light or dark values.
+pub(in crate::report) fn variables(dark: bool) -> String {
+    let roles = ROLES
+        .iter()
+        .map(|&(name, light, night)| format!("--cx-{name}:{}", if dark { night } else { light }));
+    let palette = if dark { DARK_PALETTE } else { LIGHT_PALETTE };
+    let series = palette
+        .iter()
+        .enumerate()
+        .map(|(i, color)| format!("--cx-{i}:{color}"));
+    roles.chain(series).collect::<Vec<_>>().join(";")
+}
+
 /// Style rules that let the figures follow a dark or a light page.
 ///
 /// Every element carries its light colour as an attribute, which these rules
@@ -142,6 +155,8 @@ mod tests {
             assert_eq!(STYLESHEET.matches(&format!("--cx-{i}:{light}")).count(), 2);
             assert_eq!(STYLESHEET.matches(&format!("--cx-{i}:{dark}")).count(), 1);
         }
+        assert_eq!(STYLESHEET.matches(&variables(false)).count(), 2);
+        assert_eq!(STYLESHEET.matches(&variables(true)).count(), 1);
         for (name, light, dark) in ROLES {
             assert_eq!(
                 STYLESHEET.matches(&format!("--cx-{name}:{light}")).count(),

@@ -19,6 +19,9 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
+//! In titles, labels and names `_{...}` is set as a subscript and `^{...}` as a
+//! superscript: `K_{P}`.
+//!
 //! What cannot be drawn is said in the figure itself and by [`Figure::notes`]:
 //! a panel without finite data, a series whose coordinates differ in number,
 //! points that a logarithmic axis cannot show.
@@ -29,7 +32,10 @@ mod draw;
 mod svg;
 
 pub use axis::{Axis, Scale};
+pub(super) use colors::variables;
 pub use colors::{DARK_PALETTE, LIGHT_PALETTE, STYLESHEET, sequential_color};
+
+pub(super) use svg::escape;
 
 /// Number of distinct looks; style indices wrap around.
 pub const STYLE_COUNT: usize = 8;
@@ -189,6 +195,7 @@ enum Item {
         tone: Tone,
         points: Vec<[f64; 2]>,
         outlined: bool,
+        problem: Option<String>,
     },
     Band {
         label: String,
@@ -319,12 +326,13 @@ impl Panel {
             tone,
             points: points.to_vec(),
             outlined: true,
+            problem: None,
         });
         self
     }
 
     /// Fills between `low[i]` and `high[i]` over `x[i]`. Points that are not
-    /// finite are left out; lengths are cut to the shortest.
+    /// finite are left out. If the lengths differ nothing is filled, and a note says so.
     #[must_use]
     pub fn fill_between(
         mut self,
@@ -334,10 +342,20 @@ impl Panel {
         tone: Tone,
         label: &str,
     ) -> Self {
+        let same = x.len() == low.len() && x.len() == high.len();
+        let problem = (!same).then(|| {
+            format!(
+                "not filled, {} abscissae but {} lower and {} upper bounds",
+                x.len(),
+                low.len(),
+                high.len()
+            )
+        });
         let kept: Vec<(f64, f64, f64)> = x
             .iter()
             .zip(low.iter().zip(high))
             .map(|(&x, (&low, &high))| (x, low, high))
+            .filter(|_| same)
             .filter(|(x, low, high)| x.is_finite() && low.is_finite() && high.is_finite())
             .collect();
         let points = kept
@@ -350,6 +368,7 @@ impl Panel {
             tone,
             points,
             outlined: false,
+            problem,
         });
         self
     }
@@ -413,6 +432,30 @@ impl Panel {
     /// What could not be drawn as given.
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
+        for (name, axis) in [("x", &self.x), ("y", &self.y)] {
+            if let (Some((low, high)), None) = (axis.range, axis.resolve(None)) {
+                notes.push(format!("{name} axis: no range from {low} to {high}"));
+            }
+        }
+        for item in &self.items {
+            if let Item::Region {
+                label,
+                problem: Some(problem),
+                ..
+            } = item
+            {
+                notes.push(format!("{label}: {problem}"));
+            }
+        }
+        if let Some(map) = &self.heatmap {
+            let (rows, columns) = (self.y.places(), self.x.places());
+            if map.values.len() != rows || map.values.iter().any(|r| r.len() != columns) {
+                notes.push(format!(
+                    "{}: the values do not fill {rows} rows of {columns}",
+                    map.label
+                ));
+            }
+        }
         for series in self.series() {
             if let Some((x, y)) = series.mismatch {
                 notes.push(format!(

@@ -25,7 +25,7 @@ fn glyph_width(c: char) -> f64 {
 /// Text made safe for element content and for attribute values.
 ///
 /// Control characters that XML 1.0 forbids become U+FFFD.
-pub(super) fn escape(text: &str) -> String {
+pub(in crate::report) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -91,6 +91,13 @@ impl Frame {
             width: self.width + 2.0 * by,
             height: self.height + 2.0 * by,
         }
+    }
+
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.x < other.right()
+            && other.x < self.right()
+            && self.y < other.bottom()
+            && other.y < self.bottom()
     }
 
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
@@ -198,6 +205,43 @@ pub(super) fn polyline(frame: &Frame, points: &[[f64; 2]]) -> String {
     d
 }
 
+/// Curves with more points than this are thinned.
+const MANY_POINTS: usize = 4000;
+/// Width of the slices in which points are thinned, px.
+const SLICE: f64 = 0.5;
+
+/// A dense curve without the points that nobody can see.
+///
+/// In every slice of half a pixel the first, lowest, highest and last point
+/// stay, so that no peak is lost. Curves that turn back in x are left as they are.
+pub(super) fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let forward = points
+        .windows(2)
+        .all(|p| !(p[0][0].is_finite() && p[1][0].is_finite()) || p[1][0] >= p[0][0]);
+    if points.len() <= MANY_POINTS || !forward {
+        return points;
+    }
+    let finite = |p: &[f64; 2]| p[0].is_finite() && p[1].is_finite();
+    let together = |a: &[f64; 2], b: &[f64; 2]| {
+        finite(a) == finite(b) && (!finite(a) || (a[0] / SLICE).floor() == (b[0] / SLICE).floor())
+    };
+    let mut kept = Vec::new();
+    for slice in points.chunk_by(together) {
+        let last = slice.len() - 1;
+        let by_height = |a: &usize, b: &usize| slice[*a][1].total_cmp(&slice[*b][1]);
+        let lowest = (0..=last).min_by(by_height).unwrap_or(0);
+        let highest = (0..=last).max_by(by_height).unwrap_or(last);
+        let mut indices = [0, lowest, highest, last];
+        indices.sort_unstable();
+        for (i, index) in indices.into_iter().enumerate() {
+            if i == 0 || index != indices[i - 1] {
+                kept.push(slice[index]);
+            }
+        }
+    }
+    kept
+}
+
 /// The `d` attribute of a closed polygon cut to `frame`.
 pub(super) fn polygon(frame: &Frame, points: &[[f64; 2]]) -> String {
     let finite: Vec<[f64; 2]> = points
@@ -220,6 +264,7 @@ pub(super) fn polygon(frame: &Frame, points: &[[f64; 2]]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const FRAME: Frame = Frame {
         x: 0.0,
@@ -254,6 +299,51 @@ mod tests {
             })
             .sum();
         assert!((area.abs() - 400.0).abs() < 1e-9, "{area}");
+    }
+
+    #[test]
+    fn thinning_keeps_every_peak_and_every_gap() {
+        let mut points: Vec<[f64; 2]> = (0..50_000)
+            .map(|i| {
+                [
+                    f64::from(i) * 0.002,
+                    25.0 + 5.0 * (f64::from(i) * 0.01).sin(),
+                ]
+            })
+            .collect();
+        points[12_345][1] = 49.0;
+        points[23_456][1] = 1.0;
+        points[34_567][1] = f64::NAN;
+        let thin = thinned(points.clone());
+        assert!(thin.len() < 1000, "{}", thin.len());
+        assert!(thin.contains(&points[12_345]) && thin.contains(&points[23_456]));
+        assert_eq!(thin.iter().filter(|p| p[1].is_nan()).count(), 1);
+        assert_eq!((thin[0], thin[thin.len() - 1]), (points[0], points[49_999]));
+        // A curve that turns back keeps all its points.
+        let spiral: Vec<[f64; 2]> = (0..5000).map(|i| [f64::from(i).sin(), 0.0]).collect();
+        assert_eq!(thinned(spiral.clone()), spiral);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_left_of_a_segment_is_inside_and_on_its_line(
+            a in prop::array::uniform2(-300.0..300.0f64), b in prop::array::uniform2(-300.0..300.0f64),
+        ) {
+            if let Some(ends) = clip_segment(&FRAME, a, b) {
+                for p in ends {
+                    prop_assert!(FRAME.grown(1e-9).contains(p), "{p:?}");
+                    let cross = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+                    prop_assert!(cross.abs() < 1e-6, "{cross}");
+                }
+            } else {
+                // Nothing of it is inside, as many points along it confirm.
+                for i in 0..=200 {
+                    let t = f64::from(i) / 200.0;
+                    let p = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
+                    prop_assert!(!FRAME.contains(p));
+                }
+            }
+        }
     }
 
     #[test]

@@ -161,6 +161,36 @@ fn points_without_a_place_on_a_log_axis_are_counted() {
     );
 }
 
+#[test]
+fn a_range_or_a_table_that_does_not_fit_is_said() {
+    let names = |n: &[&str]| n.iter().map(|s| (*s).to_string()).collect::<Vec<_>>();
+    let figure = Figure::new("t")
+        .panel(
+            Panel::new(Axis::log("x", "").range(0.0, 1.0), Axis::linear("y", ""))
+                .line(Series::new("s", &[0.1, 1.0], &[1.0, 2.0]))
+                .fill_between(&[0.1, 1.0], &[0.0], &[1.0, 2.0], Tone::Neutral, "spread"),
+        )
+        .panel(
+            Panel::new(
+                Axis::categories("x", "", &names(&["a"])),
+                Axis::categories("y", "", &names(&["b"])),
+            )
+            .heatmap(&[vec![1.0, 123.0], vec![456.0]], "margin", 0, None),
+        );
+    assert_eq!(
+        figure.notes(),
+        [
+            "x axis: no range from 0 to 1",
+            "spread: not filled, 2 abscissae but 1 lower and 2 upper bounds",
+            "margin: the values do not fill 1 rows of 1",
+        ]
+    );
+    let svg = figure.to_svg();
+    assert!(svg.contains("margin: the values do not fill"));
+    // Nothing is drawn outside the named places.
+    assert!(!svg.contains(">123<") && !svg.contains(">456<"));
+}
+
 /// Every coordinate of every path of curves in the figure.
 fn path_points(svg: &str) -> Vec<[f64; 2]> {
     let mut found = Vec::new();
@@ -260,7 +290,7 @@ fn a_heatmap_writes_its_numbers_and_marks_what_fails() {
     );
     let svg = figure.to_svg();
     parse(&svg);
-    for number in [">12.3<", ">0.0<", ">−5.0<", ">–<"] {
+    for number in [">12.3<", ">−0.04<", ">−5.0<", ">–<"] {
         assert!(svg.contains(number), "{number}");
     }
     assert_eq!(svg.matches("text-decoration=\"underline\"").count(), 2);
@@ -287,4 +317,23 @@ fn text_is_given_enough_room() {
         height: 1.0,
     };
     assert!(frame.contains([1.0, 0.0]) && !frame.contains([1.1, 0.0]));
+}
+
+#[test]
+fn subscripts_are_set_and_stripped_from_hover_texts() {
+    let figure = Figure::new("t").panel(
+        Panel::new(
+            Axis::linear("x", ""),
+            Axis::linear("K_{P} & more", "1/s^{2}"),
+        )
+        .line(Series::new("K_{I}, b_c", &[0.0, 1.0], &[0.0, 1.0])),
+    );
+    let svg = figure.to_svg();
+    parse(&svg);
+    let set = "K<tspan dy=\"3\" font-size=\"8.25\">P</tspan>\
+               <tspan dy=\"-3\" dx=\"3.30\">&amp; more (1/s</tspan>\
+               <tspan dy=\"-4\" font-size=\"8.25\">2</tspan><tspan dy=\"4\">)</tspan>";
+    assert!(svg.contains(set), "{svg}");
+    assert!(svg.contains("<title>KI, b_c: 2 points"));
+    assert!(svg.contains(", b_c</tspan></text>"));
 }
