@@ -26,11 +26,18 @@ fn assert_file(path: &Path, text: &str) {
         return;
     }
     let expected = std::fs::read_to_string(path).unwrap_or_default();
+    let differs = expected
+        .lines()
+        .zip(text.lines())
+        .position(|(old, new)| old != new)
+        .unwrap_or_else(|| expected.lines().count().min(text.lines().count()));
     assert!(
         expected == text,
-        "{} does not hold what the program writes; if the change is meant, run with \
-         COAXDESIGN_BLESS=1\n--- file\n{expected}\n--- program\n{text}",
-        path.display()
+        "{}:{}: not what the program writes, which is\n{}\nIf the change is meant, run with \
+         COAXDESIGN_BLESS=1",
+        path.display(),
+        differs + 1,
+        text.lines().nth(differs).unwrap_or("(the end)")
     );
 }
 
