@@ -217,6 +217,12 @@ fn what_is_no_file_is_said_so() {
         assert_eq!(code, 3, "{path}");
         assert!(text.contains(words), "{text}");
     }
+    // A file that is there but holds no problem is bad input instead.
+    for (path, words) in [("file_empty.toml", "empty"), ("file_not_utf8.toml", "UTF-8")] {
+        let (code, text) = check(path);
+        assert_eq!(code, 2, "{path}");
+        assert!(text.contains(words), "{text}");
+    }
 }
 
 proptest::proptest! {
@@ -231,6 +237,9 @@ proptest::proptest! {
         };
         let (from, to) = (boundary(at), boundary(at + cut));
         let text = format!("{}{with}{}", &good[..from], &good[to..]);
-        let _ = problem::parse_str("damaged", &text, &root().join("problems"));
+        match problem::parse_str("damaged", &text, &root().join("problems")) {
+            Ok(loaded) => assert!(loaded.warnings.iter().all(|w| !w.render(true).is_empty())),
+            Err(report) => assert!(!report.errors.is_empty() && report.to_string().ends_with('\n')),
+        }
     }
 }

@@ -46,7 +46,7 @@ impl Check {
             Format::Table => {
                 output::print(&table(&loaded, &sections, system))?;
                 for warning in &loaded.warnings {
-                    eprint!("\n{}", warning.render(color()));
+                    output::note(&format!("\n{}", warning.render(color())));
                 }
             }
             Format::Json => {

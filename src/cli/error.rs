@@ -3,6 +3,7 @@
 use std::io::IsTerminal;
 use std::path::PathBuf;
 
+use super::output;
 use crate::problem::Report;
 
 /// Exit code of an internal error.
@@ -72,14 +73,14 @@ impl CliError {
 
     pub(super) fn print(&self) {
         match self {
-            CliError::Problem(report) => eprint!("{}", report.render(color())),
+            CliError::Problem(report) => output::note(&report.render(color())),
             CliError::Usage { message, help } => {
-                eprintln!("error: {message}\n  help: {help}");
+                output::note(&format!("error: {message}\n  help: {help}\n"));
             }
             CliError::Exists { .. } => {
-                eprintln!("error: {self}\n  help: --force replaces it");
+                output::note(&format!("error: {self}\n  help: --force replaces it\n"));
             }
-            _ => eprintln!("error: {self}"),
+            _ => output::note(&format!("error: {self}\n")),
         }
     }
 }
