@@ -20,23 +20,14 @@ use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table};
 use num_complex::Complex64;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder: PathBuf = std::env::args_os()
-        .nth(1)
-        .ok_or("usage: plot_gallery FOLDER")?
-        .into();
+    let folder: PathBuf = std::env::args_os().nth(1).ok_or("usage: plot_gallery FOLDER")?.into();
     std::fs::create_dir_all(&folder)?;
     let figures = [
         ("trim", trim()),
         ("eigenvalues", eigenvalues()),
         ("bode", bode()),
-        (
-            "nyquist",
-            nyquist_figure("Pitch loop cut at the actuator", &loops(), Some(&KITE)),
-        ),
-        (
-            "nichols",
-            nichols_figure("Pitch loop cut at the actuator", &loops(), Some(&KITE)),
-        ),
+        ("nyquist", nyquist_figure("Pitch loop cut at the actuator", &loops(), Some(&KITE))),
+        ("nichols", nichols_figure("Pitch loop cut at the actuator", &loops(), Some(&KITE))),
         ("sensitivity", sensitivity()),
         ("gains", gains()),
         ("step", step()),
@@ -76,22 +67,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-const KITE: ExclusionRegion = ExclusionRegion {
-    gain_margin_db: 6.0,
-    phase_margin_deg: 45.0,
-};
+const KITE: ExclusionRegion = ExclusionRegion { gain_margin_db: 6.0, phase_margin_deg: 45.0 };
 
 fn sample(from: f64, to: f64, count: usize) -> Vec<f64> {
-    (0..count)
-        .map(|i| from + (to - from) * i as f64 / (count - 1) as f64)
-        .collect()
+    (0..count).map(|i| from + (to - from) * i as f64 / (count - 1) as f64).collect()
 }
 
 fn log_sample(from: f64, to: f64, count: usize) -> Vec<f64> {
-    sample(from.ln(), to.ln(), count)
-        .into_iter()
-        .map(f64::exp)
-        .collect()
+    sample(from.ln(), to.ln(), count).into_iter().map(f64::exp).collect()
 }
 
 fn map(x: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
@@ -99,21 +82,11 @@ fn map(x: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 fn channel(name: &str, unit: &str, values: Vec<f64>) -> Channel {
-    Channel {
-        name: name.into(),
-        unit: unit.into(),
-        values,
-    }
+    Channel { name: name.into(), unit: unit.into(), values }
 }
 
 fn curve(name: &str, style: usize, x: &[f64], y: Vec<f64>, marks: Marks) -> Curve {
-    Curve {
-        name: name.into(),
-        style,
-        x: x.to_vec(),
-        y,
-        marks,
-    }
+    Curve { name: name.into(), style, x: x.to_vec(), y, marks }
 }
 
 fn panel(title: &str, quantity: &str, unit: &str, curves: Vec<Curve>) -> CurvePanel {
@@ -148,23 +121,13 @@ fn trim() -> Figure {
                         9.8 + 1.6 * wake(v) - 2.8 * (v / 80.0) + 4.1 * (v / 80.0).powi(3)
                     }),
                 ),
-                channel(
-                    "longitudinal cyclic",
-                    "deg",
-                    map(&speed, |v| 0.04 * v - 1.1 * wake(v)),
-                ),
+                channel("longitudinal cyclic", "deg", map(&speed, |v| 0.04 * v - 1.1 * wake(v))),
                 channel(
                     "lateral cyclic",
                     "deg",
-                    map(&speed, |v| {
-                        0.4 * (v / 20.0) * (-(v / 25.0)).exp() + 0.2 * wake(v)
-                    }),
+                    map(&speed, |v| 0.4 * (v / 20.0) * (-(v / 25.0)).exp() + 0.2 * wake(v)),
                 ),
-                channel(
-                    "differential collective",
-                    "deg",
-                    map(&speed, |v| 0.8 * wake(v) - 0.1),
-                ),
+                channel("differential collective", "deg", map(&speed, |v| 0.8 * wake(v) - 0.1)),
             ],
             power: channel("power", "hp", power),
             thrust_share: vec![
@@ -214,17 +177,9 @@ fn eigenvalues() -> Figure {
     };
     eigenvalue_figure(
         "Eigenvalues in hover",
+        &[set("full order", 0, 0.0), set("averaged", 1, 0.06), set("reduced", 5, 0.12)],
         &[
-            set("full order", 0, 0.0),
-            set("averaged", 1, 0.06),
-            set("reduced", 5, 0.12),
-        ],
-        &[
-            PlaneView {
-                title: "all modes".into(),
-                real: None,
-                imaginary: None,
-            },
+            PlaneView { title: "all modes".into(), real: None, imaginary: None },
             PlaneView {
                 title: "flight dynamics".into(),
                 real: Some((-1.5, 0.3)),
@@ -328,15 +283,12 @@ fn gains() -> Figure {
     let speed = sample(0.0, 80.0, 9);
     let names = ["roll", "pitch", "yaw"];
     let mut panels = Vec::new();
-    for (row, (gain, unit)) in [("K_{P}", "1/s²"), ("K_{I}", "1/s³"), ("K_{D}", "1/s")]
-        .into_iter()
-        .enumerate()
+    for (row, (gain, unit)) in
+        [("K_{P}", "1/s²"), ("K_{I}", "1/s³"), ("K_{D}", "1/s")].into_iter().enumerate()
     {
         for (column, axis) in names.iter().enumerate() {
             let base = 1.5 + row as f64 + 0.4 * column as f64;
-            let tuned = map(&speed, |v| {
-                base * (1.0 - 0.2 * (v / 80.0)) + 0.05 * (v / 9.0).sin()
-            });
+            let tuned = map(&speed, |v| base * (1.0 - 0.2 * (v / 80.0)) + 0.05 * (v / 9.0).sin());
             let rough = map(&speed, |v| base * 1.1 + 0.3 * (v / 7.0).sin());
             panels.push(panel(
                 if row == 0 { axis } else { "" },
@@ -374,13 +326,7 @@ fn step() -> Figure {
                 "roll attitude",
                 "deg",
                 vec![
-                    curve(
-                        "command model",
-                        6,
-                        &t,
-                        answer(0.0, 2.0, 0.8),
-                        Marks::Without,
-                    ),
+                    curve("command model", 6, &t, answer(0.0, 2.0, 0.8), Marks::Without),
                     curve("nonlinear", 0, &t, answer(0.12, 2.1, 0.74), Marks::Without),
                     curve("linear", 1, &t, answer(0.12, 2.05, 0.78), Marks::Without),
                 ],
@@ -437,13 +383,7 @@ fn orbit() -> Figure {
             unit,
             vec![
                 curve("upper", 0, &azimuth, wave(m, a, b, 0.4), Marks::Without),
-                curve(
-                    "lower",
-                    1,
-                    &azimuth,
-                    wave(m * 0.8, a * 1.1, b * 1.4, -0.4),
-                    Marks::Without,
-                ),
+                curve("lower", 1, &azimuth, wave(m * 0.8, a * 1.1, b * 1.4, -0.4), Marks::Without),
             ],
         )
     };
@@ -547,24 +487,14 @@ fn interference() -> Figure {
 
 fn corner_cases() -> Figure {
     let x = sample(0.0, 10.0, 41);
-    let gap: Vec<f64> = map(&x, |v| {
-        if (4.0..5.5).contains(&v) {
-            f64::NAN
-        } else {
-            v.sin() * 3e5
-        }
-    });
+    let gap: Vec<f64> = map(&x, |v| if (4.0..5.5).contains(&v) { f64::NAN } else { v.sin() * 3e5 });
     let many = (0..8).fold(
         Panel::new(Axis::linear("x", "m"), Axis::linear("styles", "")).title("eight styles"),
         |p, i| {
             p.line(
-                Series::new(
-                    &format!("style {i}"),
-                    &x,
-                    &map(&x, |v| i as f64 + 0.3 * v.sin()),
-                )
-                .style(i)
-                .marks(),
+                Series::new(&format!("style {i}"), &x, &map(&x, |v| i as f64 + 0.3 * v.sin()))
+                    .style(i)
+                    .marks(),
             )
         },
     );

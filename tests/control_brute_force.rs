@@ -145,12 +145,9 @@ fn search(l: &ChannelLoops, spec: &ChannelSpec, reference: &[f64]) -> (Vec<f64>,
 /// more activity than the best of 10 000 candidates of a global search.
 #[test]
 fn val_tuning_is_within_three_percent_of_a_global_search() {
-    for (speed_kt, channel) in [
-        (0.0, Channel::Roll),
-        (26.0, Channel::Pitch),
-        (17.0, Channel::Yaw),
-        (43.0, Channel::Heave),
-    ] {
+    for (speed_kt, channel) in
+        [(0.0, Channel::Roll), (26.0, Channel::Pitch), (17.0, Channel::Yaw), (43.0, Channel::Heave)]
+    {
         let set = testbed::model_set(&[speed_kt], false);
         let specs = specs();
         let problem = TuningProblem {
@@ -180,6 +177,9 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
         let x = tuned.gains[0][channel.index()].values(channel);
         let (activity, bad) = judge(&l, spec, &x, &x);
         let (best, cost) = search(&l, spec, &x);
-        println!("{channel} at {speed_kt} kt: tuned {x:.3?} {activity:.3} (short by {bad:.1e}), search {best:.3?} {cost:.3}: {:+.2} %", 100.0 * (activity / cost - 1.0));
+        println!(
+            "{channel} at {speed_kt} kt: tuned {x:.3?} {activity:.3} (short by {bad:.1e}), search {best:.3?} {cost:.3}: {:+.2} %",
+            100.0 * (activity / cost - 1.0)
+        );
     }
 }

@@ -93,14 +93,8 @@ pub enum Channel {
 
 impl Channel {
     /// All channels in the order of [`GainSet`].
-    pub const ALL: [Channel; 6] = [
-        Channel::Roll,
-        Channel::Pitch,
-        Channel::Yaw,
-        Channel::Heave,
-        Channel::Vx,
-        Channel::Vy,
-    ];
+    pub const ALL: [Channel; 6] =
+        [Channel::Roll, Channel::Pitch, Channel::Yaw, Channel::Heave, Channel::Vx, Channel::Vy];
 
     /// Place in a [`GainSet`].
     pub fn index(self) -> usize {
@@ -134,7 +128,9 @@ impl Channel {
     /// Which of K_D, K_P, K_I exist.
     pub fn gains(self) -> &'static [Gain] {
         match self {
-            Channel::Roll | Channel::Pitch => &[Gain::Derivative, Gain::Proportional, Gain::Integral],
+            Channel::Roll | Channel::Pitch => {
+                &[Gain::Derivative, Gain::Proportional, Gain::Integral]
+            }
             _ => &[Gain::Proportional, Gain::Integral],
         }
     }

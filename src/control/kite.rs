@@ -58,10 +58,7 @@ impl Kite {
     }
 
     fn support(&self, normal: C) -> f64 {
-        self.vertices
-            .iter()
-            .map(|z| (normal.conj() * z).re)
-            .fold(f64::NEG_INFINITY, f64::max)
+        self.vertices.iter().map(|z| (normal.conj() * z).re).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Signed separation of the segment a–b from the kite: exact in sign, and
@@ -94,9 +91,7 @@ impl Kite {
     pub fn separating_normal(&self, a: C, b: C) -> Separation {
         let mut best = (f64::NEG_INFINITY, None);
         let nearest = [a, b].map(|p| self.nearest_direction(p));
-        let candidates = self
-            .axes(a, b)
-            .chain(nearest.into_iter().flatten().map(|n| (n, false)));
+        let candidates = self.axes(a, b).chain(nearest.into_iter().flatten().map(|n| (n, false)));
         for (n, across) in candidates {
             let side = |p: C| (n.conj() * (p + 1.0)).re > SIDE_TOLERANCE;
             if !side(a) || !side(b) {
@@ -111,10 +106,7 @@ impl Kite {
         best.1.unwrap_or_else(|| {
             let middle = 0.5 * (a + b) + 1.0;
             let normal = middle / middle.norm().max(1e-12);
-            Separation {
-                normal,
-                distance: self.score(normal, a, b),
-            }
+            Separation { normal, distance: self.score(normal, a, b) }
         })
     }
 

@@ -59,11 +59,7 @@ pub struct LawSettings {
 impl LawSettings {
     /// Command model of an attitude axis from command to reference.
     pub fn attitude_command(&self, axis: Axis, s: C) -> C {
-        let wn = if axis == Axis::Roll {
-            self.roll_frequency
-        } else {
-            self.pitch_frequency
-        };
+        let wn = if axis == Axis::Roll { self.roll_frequency } else { self.pitch_frequency };
         wn * wn / (s * s + 2.0 * self.attitude_damping * wn * s + wn * wn)
     }
 }
@@ -121,13 +117,7 @@ impl FrequencyModel {
             let k = plant.measured[i];
             scale[k] * q[(k, j)]
         });
-        Ok(Self {
-            hessenberg,
-            input,
-            output,
-            hardware,
-            extra_delay,
-        })
+        Ok(Self { hessenberg, input, output, hardware, extra_delay })
     }
 
     /// Measured states per stick at ω, hardware included: 8 rows of 4.
@@ -142,9 +132,8 @@ impl FrequencyModel {
                 C::new(-self.hessenberg[(i, j)], diagonal)
             })
             .collect();
-        let mut z: Vec<Row4> = (0..n)
-            .map(|i| std::array::from_fn(|j| C::new(self.input[(i, j)], 0.0)))
-            .collect();
+        let mut z: Vec<Row4> =
+            (0..n).map(|i| std::array::from_fn(|j| C::new(self.input[(i, j)], 0.0))).collect();
         for k in 0..n - 1 {
             if m[(k + 1) * n + k].norm_sqr() > m[k * n + k].norm_sqr() {
                 for j in k..n {
@@ -305,12 +294,7 @@ impl LoopModel {
                 }
             }
         }
-        Point {
-            base,
-            rows,
-            command_feed,
-            command_reference,
-        }
+        Point { base, rows, command_feed, command_reference }
     }
 
     /// States of the reference model per unit of ν in output `i` (φ or θ), at ω.
@@ -325,10 +309,8 @@ impl LoopModel {
         });
         let (m00, m11) = (s - a[(0, 0)], s - a[(1, 1)]);
         let det = m00 * m11 - a[(0, 1)] * a[(1, 0)];
-        let z = [
-            (m11 * rhs[0] + a[(0, 1)] * rhs[1]) / det,
-            (m00 * rhs[1] + a[(1, 0)] * rhs[0]) / det,
-        ];
+        let z =
+            [(m11 * rhs[0] + a[(0, 1)] * rhs[1]) / det, (m00 * rhs[1] + a[(1, 0)] * rhs[0]) / det];
         std::array::from_fn(|k| rho(k) + r.state[(k, 0)] * z[0] + r.state[(k, 1)] * z[1])
     }
 
@@ -488,12 +470,7 @@ impl LoopModel {
 
 /// A channel's gains with those of the held quantity set to zero.
 pub fn without_hold(channel: Channel, x: &[f64]) -> Vec<f64> {
-    channel
-        .gains()
-        .iter()
-        .zip(x)
-        .map(|(&g, &v)| if channel.holds(g) { 0.0 } else { v })
-        .collect()
+    channel.gains().iter().zip(x).map(|(&g, &v)| if channel.holds(g) { 0.0 } else { v }).collect()
 }
 
 impl ChannelLoops {
@@ -510,10 +487,7 @@ impl ChannelLoops {
     /// S over the grid.
     pub fn sensitivity_curve(&self, x: &[f64]) -> Vec<C> {
         let free = without_hold(self.channel, x);
-        self.full
-            .iter()
-            .map(|f| affine_value(f, &free) / affine_value(f, x))
-            .collect()
+        self.full.iter().map(|f| affine_value(f, &free) / affine_value(f, x)).collect()
     }
 
     /// Stick command per unit of noise over the grid, cut 0's loop closed.
@@ -532,11 +506,7 @@ pub fn real_row(rotation: C, f: &Affine, scale: &[f64], first: usize) -> AffineR
     let r = rotation.conj();
     AffineRow::new(
         (r * f[0]).re,
-        scale
-            .iter()
-            .enumerate()
-            .map(|(g, s)| (first + g, (r * f[1 + g]).re * s))
-            .collect(),
+        scale.iter().enumerate().map(|(g, s)| (first + g, (r * f[1 + g]).re * s)).collect(),
     )
 }
 

@@ -73,11 +73,7 @@ const CROSSING_ITERATIONS: usize = 60;
 impl<'a> Sampled<'a> {
     /// A response known on its grid only.
     pub fn new(omega: &'a [f64], value: &'a [C]) -> Self {
-        Self {
-            omega,
-            value,
-            exact: None,
-        }
+        Self { omega, value, exact: None }
     }
 
     /// Response interpolated within interval `k` at fraction `t` of log ω,
@@ -194,10 +190,7 @@ impl<'a> Sampled<'a> {
 /// Margins of a loop L.
 pub fn margins(l: Sampled) -> Margins {
     let unit = l.crossings(|v| v.norm().ln());
-    let phase = unit
-        .iter()
-        .map(|(_, v, _)| (-v).arg().abs())
-        .reduce(f64::min);
+    let phase = unit.iter().map(|(_, v, _)| (-v).arg().abs()).reduce(f64::min);
     let (mut gain_up, mut gain_down): (Option<f64>, Option<f64>) = (None, None);
     // The angle from the negative real axis crosses zero there; it also jumps
     // by 2π on the positive axis, where the product test below sees a sign
@@ -207,31 +200,19 @@ pub fn margins(l: Sampled) -> Margins {
             continue;
         }
         let gain = -1.0 / v.re;
-        let (side, factor) = if gain >= 1.0 {
-            (&mut gain_up, gain)
-        } else {
-            (&mut gain_down, 1.0 / gain)
-        };
+        let (side, factor) =
+            if gain >= 1.0 { (&mut gain_up, gain) } else { (&mut gain_down, 1.0 / gain) };
         *side = Some(side.map_or(factor, |old| old.min(factor)));
     }
     let (disk, _) = l.least(|v| 2.0 * (1.0 + v).norm() / (1.0 - v).norm().max(f64::MIN_POSITIVE));
-    Margins {
-        crossover: unit.last().map(|c| c.0),
-        phase,
-        gain_up,
-        gain_down,
-        disk,
-    }
+    Margins { crossover: unit.last().map(|c| c.0), phase, gain_up, gain_down, disk }
 }
 
 /// Disturbance rejection bandwidth and peak of a sensitivity S.
 pub fn rejection(s: Sampled) -> Rejection {
     let (peak, peak_frequency) = s.least(|v| -v.norm());
-    let start = s
-        .omega
-        .iter()
-        .position(|&w| w >= LOWEST_REJECTION_FREQUENCY * (1.0 - 1e-9))
-        .unwrap_or(0);
+    let start =
+        s.omega.iter().position(|&w| w >= LOWEST_REJECTION_FREQUENCY * (1.0 - 1e-9)).unwrap_or(0);
     let bandwidth = if s.value.get(start).is_none_or(|v| v.norm() > DRB_LEVEL) {
         Some(0.0)
     } else {
@@ -240,11 +221,7 @@ pub fn rejection(s: Sampled) -> Rejection {
             .find(|c| c.2 && c.0 >= s.omega[start])
             .map(|c| c.0)
     };
-    Rejection {
-        bandwidth,
-        peak: -peak,
-        peak_frequency,
-    }
+    Rejection { bandwidth, peak: -peak, peak_frequency }
 }
 
 /// Mean-square integral ∫|u|² dω / π over a band, square-rooted: the rms of a
@@ -295,11 +272,7 @@ pub struct Bandwidth {
 /// τ_p = −(∠G(2ω₁₈₀) + 180°)/(57.3·2ω₁₈₀), magnitudes in degrees.
 pub fn bandwidth(g: Sampled) -> Bandwidth {
     let n = g.omega.len();
-    let mut out = Bandwidth {
-        phase_limited: None,
-        gain_limited: None,
-        phase_delay: None,
-    };
+    let mut out = Bandwidth { phase_limited: None, gain_limited: None, phase_delay: None };
     if n < 2 {
         return out;
     }
@@ -334,7 +307,8 @@ pub fn bandwidth(g: Sampled) -> Bandwidth {
         .filter(|c| c.0 < w180)
         .map(|c| c.0)
         .next_back();
-    if let Some(k) = (0..n - 1).find(|&k| g.omega[k] <= 2.0 * w180 && g.omega[k + 1] >= 2.0 * w180) {
+    if let Some(k) = (0..n - 1).find(|&k| g.omega[k] <= 2.0 * w180 && g.omega[k + 1] >= 2.0 * w180)
+    {
         let t = (2.0 * w180 / g.omega[k]).ln() / (g.omega[k + 1] / g.omega[k]).ln();
         let angle = phase[k] + (g.at(k, t) / g.value[k]).arg();
         out.phase_delay = Some(-(angle + PI) / (2.0 * w180));
@@ -364,11 +338,7 @@ mod tests {
     fn on_grid<T>(f: impl Fn(f64) -> C, test: impl Fn(Sampled) -> T) -> T {
         let omega = grid();
         let value: Vec<C> = omega.iter().map(|&w| f(w)).collect();
-        test(Sampled {
-            omega: &omega,
-            value: &value,
-            exact: Some(&f),
-        })
+        test(Sampled { omega: &omega, value: &value, exact: Some(&f) })
     }
 
     /// k e^(-sT)/s: crossover k, phase margin π/2 − kT, gain margin π/(2kT).
@@ -412,9 +382,7 @@ mod tests {
             (s * s + 2.0 * z * wn * s) / (s * s + 2.0 * z * wn * s + wn * wn)
         };
         let r = on_grid(s2, rejection);
-        let fine = (1..2_000_000)
-            .map(|k| s2(k as f64 * 5e-6 * 2.0).norm())
-            .fold(0.0, f64::max);
+        let fine = (1..2_000_000).map(|k| s2(k as f64 * 5e-6 * 2.0).norm()).fold(0.0, f64::max);
         assert_relative_eq!(r.peak, fine, max_relative = 1e-9);
     }
 
@@ -452,10 +420,13 @@ mod tests {
     #[test]
     fn val_activity_of_a_first_order_lag() {
         let a = 3.0;
-        let u = on_grid(|w| a / C::new(a, w), |s| {
-            let b = [s.omega[0], *s.omega.last().unwrap()];
-            activity(s, b).powi(2) - a * ((b[1] / a).atan() - (b[0] / a).atan()) / PI
-        });
+        let u = on_grid(
+            |w| a / C::new(a, w),
+            |s| {
+                let b = [s.omega[0], *s.omega.last().unwrap()];
+                activity(s, b).powi(2) - a * ((b[1] / a).atan() - (b[0] / a).atan()) / PI
+            },
+        );
         assert!(u.abs() < 1e-4, "{u}");
     }
 }

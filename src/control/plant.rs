@@ -112,12 +112,7 @@ impl Plant {
             if ok {
                 Ok(())
             } else {
-                Err(PlantError::Size {
-                    speed,
-                    matrix,
-                    rows: m.nrows(),
-                    columns: m.ncols(),
-                })
+                Err(PlantError::Size { speed, matrix, rows: m.nrows(), columns: m.ncols() })
             }
         };
         let n = self.a.nrows();
@@ -212,7 +207,9 @@ impl Hardware {
 
     /// Low-frequency equivalent delay, s.
     pub fn equivalent_delay(&self) -> f64 {
-        2.0 * self.actuator_damping / self.actuator_bandwidth + self.delay + 1.0 / self.sensor_bandwidth
+        2.0 * self.actuator_damping / self.actuator_bandwidth
+            + self.delay
+            + 1.0 / self.sensor_bandwidth
     }
 }
 
@@ -299,14 +296,10 @@ impl Inversion {
             feedback.set_row(i, &(rates.row(i) * a));
             decoupling.set_row(i, &(rates.row(i) * b));
         }
-        let inverse = invert_scaled(&decoupling).map_err(|condition| PlantError::NotInvertible {
-            speed: plant.speed,
-            condition,
-        })?;
-        let not_invertible = PlantError::NotInvertible {
-            speed: plant.speed,
-            condition: f64::INFINITY,
-        };
+        let inverse = invert_scaled(&decoupling)
+            .map_err(|condition| PlantError::NotInvertible { speed: plant.speed, condition })?;
+        let not_invertible =
+            PlantError::NotInvertible { speed: plant.speed, condition: f64::INFINITY };
         // Body rates from attitude rates and r.
         let mut to_rates = Matrix3::zeros();
         for (i, row) in [0, 1].into_iter().enumerate() {
@@ -341,15 +334,7 @@ impl Inversion {
             dynamics: (a - driven * feedback).fixed_rows::<2>(0).into_owned(),
             drive: driven.fixed_rows::<2>(0).into_owned(),
         };
-        Ok(Self {
-            outputs,
-            rates,
-            feedback,
-            decoupling: inverse,
-            ground_velocity,
-            reference,
-            trim,
-        })
+        Ok(Self { outputs, rates, feedback, decoupling: inverse, ground_velocity, reference, trim })
     }
 
     /// F split into the part on u, v, w and the part on attitudes and rates.

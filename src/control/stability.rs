@@ -128,15 +128,9 @@ pub fn closed_loop_matrix(
     order: usize,
 ) -> DMatrix<f64> {
     let np = plant.a.nrows();
-    let outer = [Channel::Vy, Channel::Vx]
-        .iter()
-        .any(|c| gains[c.index()].array() != [0.0; 3]);
+    let outer = [Channel::Vy, Channel::Vx].iter().any(|c| gains[c.index()].array() != [0.0; 3]);
     let total = np + 4 * (2 + order + 1) + 4 + if outer { 2 + 4 + 2 * order + 4 + 2 } else { 0 };
-    let mut b = Builder {
-        n: total,
-        next: 0,
-        a: DMatrix::zeros(total, total),
-    };
+    let mut b = Builder { n: total, next: 0, a: DMatrix::zeros(total, total) };
     let x0 = b.states(np);
     for i in 0..np {
         for j in 0..np {
@@ -186,12 +180,10 @@ pub fn closed_loop_matrix(
     let mut velocity_reference: Vec<Signal> = vec![b.zero(); 4];
     if outer {
         let mut references: Vec<[Signal; 3]> = Vec::new();
-        for (i, (axis, channel, row, sign)) in [
-            (Axis::Roll, Channel::Vy, 1, -1.0),
-            (Axis::Pitch, Channel::Vx, 0, 1.0),
-        ]
-        .into_iter()
-        .enumerate()
+        for (i, (axis, channel, row, sign)) in
+            [(Axis::Roll, Channel::Vy, 1, -1.0), (Axis::Pitch, Channel::Vx, 0, 1.0)]
+                .into_iter()
+                .enumerate()
         {
             let k = gains[channel.index()];
             let v = combine(&b, &|j| inversion.ground_velocity[(row, j)]);
@@ -199,11 +191,8 @@ pub fn closed_loop_matrix(
             let mut attitude_command = b.zero();
             add(&mut attitude_command, sign * k.k_p / GRAVITY, &v);
             add(&mut attitude_command, sign * k.k_i / GRAVITY, &integral);
-            let wn = if axis == Axis::Roll {
-                settings.roll_frequency
-            } else {
-                settings.pitch_frequency
-            };
+            let wn =
+                if axis == Axis::Roll { settings.roll_frequency } else { settings.pitch_frequency };
             let reference = b.second_order(wn, settings.attitude_damping, &attitude_command);
             let late = b.delay(settings.reference_delay, order, &attitude_command);
             let delayed = b.second_order(wn, settings.attitude_damping, &late);
@@ -254,11 +243,7 @@ pub fn closed_loop_matrix(
         let own = b.state(command + j);
         b.feed(command + j, -hardware.sensor_bandwidth, &own);
         for (i, s) in nu.iter().enumerate() {
-            b.feed(
-                command + j,
-                hardware.sensor_bandwidth * inversion.decoupling[(j, i)],
-                s,
-            );
+            b.feed(command + j, hardware.sensor_bandwidth * inversion.decoupling[(j, i)], s);
         }
     }
     debug_assert_eq!(b.next, total);
@@ -277,7 +262,13 @@ pub fn closed_loop_eigenvalues(
     order: usize,
 ) -> Result<Vec<C>, LinearError> {
     dense::eigenvalues(&closed_loop_matrix(
-        plant, inversion, settings, hardware, extra_delay, gains, order,
+        plant,
+        inversion,
+        settings,
+        hardware,
+        extra_delay,
+        gains,
+        order,
     ))
 }
 
@@ -333,13 +324,24 @@ mod tests {
                 }
                 let omega: Vec<f64> = vec![0.3, 1.0, 2.5, 6.0];
                 let model = LoopModel::new(
-                    &plant, &inversion, &settings, testbed::HARDWARE, 0.0, omega.clone().into(),
+                    &plant,
+                    &inversion,
+                    &settings,
+                    testbed::HARDWARE,
+                    0.0,
+                    omega.clone().into(),
                 )
                 .unwrap();
                 let direct = model.determinant(&on);
                 // The open loop: all feedback removed, the same states.
                 let closed = closed_loop_matrix(
-                    &plant, &inversion, &settings, &testbed::HARDWARE, 0.0, &on, 6,
+                    &plant,
+                    &inversion,
+                    &settings,
+                    &testbed::HARDWARE,
+                    0.0,
+                    &on,
+                    6,
                 );
                 let mut open = closed.clone();
                 let np = plant.a.nrows();

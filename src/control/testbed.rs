@@ -6,8 +6,8 @@
 //! flapping and inflow. They are a test bed, not the aircraft: the product
 //! tunes on the models that [`crate::linear`] derives.
 
-use super::plant::{Matrix8, Matrix8x4, ModelClass, ModelInfo, ModelSet, Plant, TrimPoint, rigid};
 use super::plant::Hardware;
+use super::plant::{Matrix8, Matrix8x4, ModelClass, ModelInfo, ModelSet, Plant, TrimPoint, rigid};
 use crate::units::{FOOT, KNOT};
 use nalgebra::DMatrix;
 
@@ -72,11 +72,7 @@ pub struct Variation {
 }
 
 /// The nominal plant.
-pub const NOMINAL: Variation = Variation {
-    mass: 1.0,
-    effectiveness: [1.0; 4],
-    flap_lag: 0.047,
-};
+pub const NOMINAL: Variation = Variation { mass: 1.0, effectiveness: [1.0; 4], flap_lag: 0.047 };
 
 /// The lags assumed for the default hardware.
 pub const HARDWARE: Hardware = Hardware {
@@ -134,12 +130,8 @@ pub fn plant(speed: f64, variation: &Variation) -> Plant {
     }
     // Effector lags: flapping in the cyclics, a lead-lag of heave damping and
     // inflow in collective, inflow in pedal: d = direct + (1 - direct)/(τ s + 1).
-    let lags = [
-        (0.0, variation.flap_lag),
-        (0.0, variation.flap_lag),
-        (0.12 / 0.07, 0.07),
-        (0.0, 0.05),
-    ];
+    let lags =
+        [(0.0, variation.flap_lag), (0.0, variation.flap_lag), (0.12 / 0.07, 0.07), (0.0, 0.05)];
     let mut full_a = DMatrix::zeros(12, 12);
     let mut full_b = DMatrix::zeros(12, 4);
     full_a.view_mut((0, 0), (8, 8)).copy_from(&a);
@@ -182,11 +174,7 @@ pub fn model_set(speeds_kt: &[f64], robust: bool) -> ModelSet {
             .iter()
             .map(|&(name, _, extra_delay)| ModelInfo {
                 name: name.into(),
-                class: if name == "nominal" {
-                    ModelClass::Nominal
-                } else {
-                    ModelClass::OffNominal
-                },
+                class: if name == "nominal" { ModelClass::Nominal } else { ModelClass::OffNominal },
                 extra_delay,
             })
             .collect(),

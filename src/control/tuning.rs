@@ -315,16 +315,12 @@ impl<'a> ChannelProblem<'a> {
         growth: f64,
         options: &'a TuningOptions,
     ) -> Self {
-        let pairs: Vec<(usize, usize)> = (0..models.len())
-            .flat_map(|v| (0..models[v].len()).map(move |m| (v, m)))
-            .collect();
+        let pairs: Vec<(usize, usize)> =
+            (0..models.len()).flat_map(|v| (0..models[v].len()).map(move |m| (v, m))).collect();
         // The effector cut comes first: activity is counted there. An outer
         // loop also has margins of its own.
-        let cuts: &[Cut] = if channel.is_outer() {
-            &[Cut::Effector, Cut::Channel]
-        } else {
-            &[Cut::Effector]
-        };
+        let cuts: &[Cut] =
+            if channel.is_outer() { &[Cut::Effector, Cut::Channel] } else { &[Cut::Effector] };
         let sites = pairs
             .par_iter()
             .map(|&(v, m)| {
@@ -336,9 +332,8 @@ impl<'a> ChannelProblem<'a> {
                     targets.gain_down.powf(growth) * back,
                     targets.phase * growth + options.phase_back_off,
                 );
-                let rejection_points = targets
-                    .drb
-                    .map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
+                let rejection_points =
+                    targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
                 Site {
                     speed: v,
                     nominal: m == 0,
@@ -362,7 +357,8 @@ impl<'a> ChannelProblem<'a> {
         let x: Vec<Vec<f64>> = gains.iter().map(|g| g[channel.index()].values(channel)).collect();
         for site in &problem.sites {
             if site.nominal {
-                problem.reference_activity[site.speed] = site.activity_squared(&x[site.speed]).max(1e-12);
+                problem.reference_activity[site.speed] =
+                    site.activity_squared(&x[site.speed]).max(1e-12);
             }
         }
         problem
@@ -381,15 +377,14 @@ impl<'a> ChannelProblem<'a> {
             .par_iter()
             .map(|site| {
                 let old = reference.map(|r| r[site.speed].as_slice());
-                site.violations(&x[site.speed], old, self.options)
-                    .map(|v| {
-                        let activity = if site.nominal {
-                            site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
-                        } else {
-                            0.0
-                        };
-                        (site.speed, v, activity)
-                    })
+                site.violations(&x[site.speed], old, self.options).map(|v| {
+                    let activity = if site.nominal {
+                        site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
+                    } else {
+                        0.0
+                    };
+                    (site.speed, v, activity)
+                })
             })
             .collect();
         let mut violation = vec![[0.0f64; KINDS]; self.speeds.len()];
@@ -412,11 +407,7 @@ impl<'a> ChannelProblem<'a> {
             let excess = (low * x[p] - x[i]).max(0.0) + (x[i] - high * x[p]).max(0.0);
             total += RATIO_PRICE * excess / n;
         }
-        total.is_finite().then_some(Merit {
-            total,
-            activity,
-            violation,
-        })
+        total.is_finite().then_some(Merit { total, activity, violation })
     }
 
     fn price(&self, kind: Requirement) -> f64 {
@@ -523,10 +514,9 @@ impl<'a> ChannelProblem<'a> {
     }
 
     fn solve(&mut self, program: &Program) -> Result<Solution, TuningError> {
-        let solution = program.solve().map_err(|source| TuningError::Program {
-            channel: self.channel,
-            source,
-        })?;
+        let solution = program
+            .solve()
+            .map_err(|source| TuningError::Program { channel: self.channel, source })?;
         self.stats.programs += 1;
         self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
         self.stats.interior_iterations += solution.iterations;
@@ -539,9 +529,8 @@ impl<'a> ChannelProblem<'a> {
         let (speeds, gains) = (self.speeds.len(), self.gain_count());
         let slack0 = speeds * gains;
         let mut program = Program::new(slack0 + speeds * KINDS);
-        let largest: Vec<f64> = (0..gains)
-            .map(|g| x.iter().map(|x| x[g].abs()).fold(0.0, f64::max))
-            .collect();
+        let largest: Vec<f64> =
+            (0..gains).map(|g| x.iter().map(|x| x[g].abs()).fold(0.0, f64::max)).collect();
         let scale: Vec<Vec<f64>> = x
             .iter()
             .map(|x| (0..gains).map(|g| x[g].abs().max(0.08 * largest[g] + 1e-3)).collect())
@@ -594,10 +583,7 @@ impl<'a> ChannelProblem<'a> {
                 let constant = if value < 0.0 { (-0.5 * reach).max(value) } else { value };
                 program.require_nonnegative(AffineRow::new(
                     constant,
-                    vec![
-                        (first + i, sign * scale[v][i]),
-                        (first + p, -sign * ratio * scale[v][p]),
-                    ],
+                    vec![(first + i, sign * scale[v][i]), (first + p, -sign * ratio * scale[v][p])],
                 ));
             }
             for g in 0..gains {
@@ -704,7 +690,12 @@ impl Site {
     }
 
     /// Exact violations on the grid.
-    fn violations(&self, x: &[f64], old: Option<&[f64]>, options: &TuningOptions) -> Option<[f64; KINDS]> {
+    fn violations(
+        &self,
+        x: &[f64],
+        old: Option<&[f64]>,
+        options: &TuningOptions,
+    ) -> Option<[f64; KINDS]> {
         let l = &self.loops;
         let n = l.omega.len();
         let full: Vec<C> = l.full.iter().map(|f| affine_value(f, x)).collect();
@@ -728,9 +719,8 @@ impl Site {
         }
         let mut out = [0.0f64; KINDS];
         for (cut, kite) in self.kites.iter().enumerate() {
-            let curve: Vec<C> = (0..n)
-                .map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0)
-                .collect();
+            let curve: Vec<C> =
+                (0..n).map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0).collect();
             let mut worst = 0.0f64;
             for k in 0..n - 1 {
                 if curve[k].norm_sqr().min(curve[k + 1].norm_sqr()) < 36.0 {
@@ -829,7 +819,11 @@ impl Site {
                     for z in &vertices[..2] {
                         // Re n*(L − z) D̄/D̄₀, affine in the gains.
                         let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
-                        push(&mut out, Some(Requirement::Margin), real_row(normal, &f, scale, first));
+                        push(
+                            &mut out,
+                            Some(Requirement::Margin),
+                            real_row(normal, &f, scale, first),
+                        );
                     }
                 }
             }
@@ -852,7 +846,16 @@ impl Site {
                         let (d, b, _) = &points[k];
                         let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                         let bound = real_row(C::new(1.0, 0.0), b, scale, first);
-                        push_cone(&mut out, Requirement::CrossoverMax, bound, &f, scale, first, slack, trust);
+                        push_cone(
+                            &mut out,
+                            Requirement::CrossoverMax,
+                            bound,
+                            &f,
+                            scale,
+                            first,
+                            slack,
+                            trust,
+                        );
                     }
                 }
             }
@@ -937,7 +940,8 @@ fn push_cone(
     trust: f64,
 ) {
     let least = bound.constant - trust * bound.terms.iter().map(|t| t.1.abs()).sum::<f64>();
-    let most = f[0].norm() + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
+    let most = f[0].norm()
+        + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
     if least >= most {
         return;
     }
@@ -995,7 +999,11 @@ impl TuningProblem<'_> {
     }
 
     /// Loops of every speed and model.
-    fn loop_models(&self, inversions: &[Inversion], grid: &Arc<[f64]>) -> Result<Vec<Vec<LoopModel>>, TuningError> {
+    fn loop_models(
+        &self,
+        inversions: &[Inversion],
+        grid: &Arc<[f64]>,
+    ) -> Result<Vec<Vec<LoopModel>>, TuningError> {
         let pairs: Vec<(usize, usize)> = (0..self.set.plants.len())
             .flat_map(|v| (0..self.set.models.len()).map(move |m| (v, m)))
             .collect();
@@ -1032,18 +1040,12 @@ impl TuningProblem<'_> {
         let clock = Instant::now();
         let speeds = self.set.speeds();
         let classes: Vec<ModelClass> = self.set.models.iter().map(|m| m.class).collect();
-        let inversions: Vec<Inversion> = self
-            .set
-            .plants
-            .iter()
-            .map(|p| Inversion::new(&p[0]))
-            .collect::<Result<_, _>>()?;
+        let inversions: Vec<Inversion> =
+            self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
         let grid = self.grid();
         let models = self.loop_models(&inversions, &grid)?;
-        let mut stats = TuningStats {
-            assembly_time: clock.elapsed().as_secs_f64(),
-            ..TuningStats::default()
-        };
+        let mut stats =
+            TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
         let mut gains = start.to_vec();
         let mut merits: Vec<(Channel, Merit)> = Vec::new();
         let mut last_change = f64::INFINITY;
@@ -1059,11 +1061,7 @@ impl TuningProblem<'_> {
                 0 => self.options.trust,
                 k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
             };
-            let options = TuningOptions {
-                iterations,
-                trust,
-                ..self.options.clone()
-            };
+            let options = TuningOptions { iterations, trust, ..self.options.clone() };
             let before = gains.clone();
             merits.clear();
             let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
@@ -1114,15 +1112,7 @@ impl TuningProblem<'_> {
                 break;
             }
         }
-        Ok(Tuning {
-            speeds,
-            gains,
-            inversions,
-            merits,
-            sweeps,
-            last_change,
-            stats,
-        })
+        Ok(Tuning { speeds, gains, inversions, merits, sweeps, last_change, stats })
     }
 }
 

@@ -58,10 +58,7 @@ pub fn balance(a: &DMatrix<f64>) -> Result<(DMatrix<f64>, DVector<f64>), LinearE
 
 /// Orders eigenvalues by size, then real part, then the upper half plane first.
 pub fn spectral_order(x: &C64, y: &C64) -> std::cmp::Ordering {
-    x.norm()
-        .total_cmp(&y.norm())
-        .then(x.re.total_cmp(&y.re))
-        .then(y.im.total_cmp(&x.im))
+    x.norm().total_cmp(&y.norm()).then(x.re.total_cmp(&y.re)).then(y.im.total_cmp(&x.im))
 }
 
 fn faer_view(m: &DMatrix<f64>) -> faer::MatRef<'_, f64> {
@@ -116,11 +113,7 @@ const DEFECTIVE: f64 = 1e-7;
 pub fn eigen(a: &DMatrix<f64>) -> Result<Eigen, LinearError> {
     let n = a.nrows();
     if n == 0 {
-        return Ok(Eigen {
-            values: Vec::new(),
-            right: DMatrix::zeros(0, 0),
-            left: Vec::new(),
-        });
+        return Ok(Eigen { values: Vec::new(), right: DMatrix::zeros(0, 0), left: Vec::new() });
     }
     let (balanced, scale) = balance(a)?;
     let (values, right) = sorted_eigenvectors(&balanced)?;
@@ -137,9 +130,7 @@ pub fn eigen(a: &DMatrix<f64>) -> Result<Eigen, LinearError> {
         let best = (0..n)
             .filter(|&j| !used[j])
             .min_by(|&i, &j| {
-                (left_values[i] - value)
-                    .norm()
-                    .total_cmp(&(left_values[j] - value).norm())
+                (left_values[i] - value).norm().total_cmp(&(left_values[j] - value).norm())
             })
             .unwrap_or(k);
         used[best] = true;
@@ -152,9 +143,8 @@ pub fn eigen(a: &DMatrix<f64>) -> Result<Eigen, LinearError> {
         if done[k] {
             continue;
         }
-        let cluster: Vec<usize> = (k..n)
-            .filter(|&j| !done[j] && (values[j] - values[k]).norm() <= tolerance)
-            .collect();
+        let cluster: Vec<usize> =
+            (k..n).filter(|&j| !done[j] && (values[j] - values[k]).norm() <= tolerance).collect();
         for &j in &cluster {
             done[j] = true;
         }
@@ -191,11 +181,7 @@ pub fn eigen(a: &DMatrix<f64>) -> Result<Eigen, LinearError> {
             }
         }
     }
-    Ok(Eigen {
-        values,
-        right,
-        left: vectors,
-    })
+    Ok(Eigen { values, right, left: vectors })
 }
 
 fn sorted_eigenvectors(a: &DMatrix<f64>) -> Result<(Vec<C64>, DMatrix<C64>), LinearError> {
@@ -217,13 +203,10 @@ fn sorted_eigenvectors(a: &DMatrix<f64>) -> Result<(Vec<C64>, DMatrix<C64>), Lin
         }
         column.unscale_mut(length);
         // The largest entry is made real and positive, so that the vector is unique.
-        let largest = column.iter().copied().fold(C64::default(), |m, z| {
-            if z.norm() > m.norm() * (1.0 + 1e-9) {
-                z
-            } else {
-                m
-            }
-        });
+        let largest = column
+            .iter()
+            .copied()
+            .fold(C64::default(), |m, z| if z.norm() > m.norm() * (1.0 + 1e-9) { z } else { m });
         let turn = largest.conj() / largest.norm();
         column.iter_mut().for_each(|z| *z *= turn);
     }
@@ -254,11 +237,7 @@ pub fn largest_singular_value(m: &DMatrix<C64>) -> f64 {
         return scale;
     }
     let m = m.unscale(scale);
-    let gram = if m.nrows() <= m.ncols() {
-        &m * m.adjoint()
-    } else {
-        m.adjoint() * &m
-    };
+    let gram = if m.nrows() <= m.ncols() { &m * m.adjoint() } else { m.adjoint() * &m };
     // A Hermitian matrix X + iY has the eigenvalues of the symmetric
     // [X −Y; Y X], each twice; its symmetric solver always ends.
     let k = gram.nrows();
@@ -321,9 +300,7 @@ pub fn solve_checked(
     ensure_square(what, a)?;
     ensure_finite(what, a)?;
     ensure_finite("a right-hand side", b)?;
-    let singular = || LinearError::Singular {
-        what: what.to_owned(),
-    };
+    let singular = || LinearError::Singular { what: what.to_owned() };
     let n = a.nrows();
     if n == 0 {
         return Ok(b.clone());
@@ -359,11 +336,7 @@ pub fn equilibrate(a: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>, DVector<f64
     let mut rows = DVector::from_element(a.nrows(), 1.0);
     let mut columns = DVector::from_element(a.ncols(), 1.0);
     let power = |size: f64| {
-        if size > 0.0 {
-            (-0.5 * size.log2()).round().exp2()
-        } else {
-            1.0
-        }
+        if size > 0.0 { (-0.5 * size.log2()).round().exp2() } else { 1.0 }
     };
     // Square-root steps on both sides settle within a few sweeps.
     for _ in 0..12 {
@@ -492,11 +465,7 @@ pub fn split(a: &DMatrix<f64>, chosen: impl Fn(C64) -> bool) -> Result<Split, Li
         }
     }
     if first == 0 || first == n {
-        return Ok(Split {
-            t: DMatrix::identity(n, n),
-            t_inverse: DMatrix::identity(n, n),
-            first,
-        });
+        return Ok(Split { t: DMatrix::identity(n, n), t_inverse: DMatrix::identity(n, n), first });
     }
     // T = [T1 T12; 0 T2]. The projector on the first subspace along the second
     // is U [I X; 0 0] Uᴴ with T1 X − X T2 = T12, solved column by column.
@@ -516,23 +485,14 @@ pub fn split(a: &DMatrix<f64>, chosen: impl Fn(C64) -> bool) -> Result<Split, Li
     for i in 0..first {
         compact[(i, i)] = Complex::new(1.0, 0.0);
     }
-    compact
-        .view_mut((0, first), (first, n - first))
-        .copy_from(&x);
+    compact.view_mut((0, first), (first, n - first)).copy_from(&x);
     let projector = (&u * compact * u.adjoint()).map(|z| z.re);
     let complement = DMatrix::identity(n, n) - &projector;
     let mut basis = DMatrix::zeros(n, n);
-    basis
-        .columns_mut(0, first)
-        .copy_from(&svd(&projector)?.u.columns(0, first));
-    basis
-        .columns_mut(first, n - first)
-        .copy_from(&svd(&complement)?.u.columns(0, n - first));
-    let inverse = solve_checked(
-        "the basis of the spectral split",
-        &basis,
-        &DMatrix::identity(n, n),
-    )?;
+    basis.columns_mut(0, first).copy_from(&svd(&projector)?.u.columns(0, first));
+    basis.columns_mut(first, n - first).copy_from(&svd(&complement)?.u.columns(0, n - first));
+    let inverse =
+        solve_checked("the basis of the spectral split", &basis, &DMatrix::identity(n, n))?;
     Ok(Split {
         t: DMatrix::from_fn(n, n, |i, j| scale[i] * basis[(i, j)]),
         t_inverse: DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / scale[j]),
@@ -625,9 +585,8 @@ pub(super) mod tests {
         // D⁻¹ A D with a spread of 1e10 has the eigenvalues of A.
         let mut numbers = Numbers(3);
         let a = numbers.matrix(6, 6);
-        let scaled = DMatrix::from_fn(6, 6, |i, j| {
-            a[(i, j)] * 10f64.powi(2 * j as i32 - 2 * i as i32)
-        });
+        let scaled =
+            DMatrix::from_fn(6, 6, |i, j| a[(i, j)] * 10f64.powi(2 * j as i32 - 2 * i as i32));
         let (plain, bad) = (eigenvalues(&a).unwrap(), eigenvalues(&scaled).unwrap());
         for (x, y) in plain.iter().zip(&bad) {
             assert!((x - y).norm() < 1e-12, "{x} {y}");
@@ -661,10 +620,7 @@ pub(super) mod tests {
             let q = &g * g.transpose();
             let x = lyapunov(&a, &q).unwrap();
             let residual = (&a * &x + &x * a.transpose() + &q).norm();
-            assert!(
-                residual < 1e-12 * (a.norm() * x.norm() + q.norm()),
-                "{residual:e}"
-            );
+            assert!(residual < 1e-12 * (a.norm() * x.norm() + q.norm()), "{residual:e}");
         }
         // ẋ = −x + w with unit noise: variance 1/2.
         let one = DMatrix::from_element(1, 1, 1.0);
@@ -676,11 +632,7 @@ pub(super) mod tests {
         let mut numbers = Numbers(11);
         let a = numbers.matrix(12, 12);
         let s = split(&a, |z| z.re >= 0.0).unwrap();
-        let unstable = eigenvalues(&a)
-            .unwrap()
-            .iter()
-            .filter(|z| z.re >= 0.0)
-            .count();
+        let unstable = eigenvalues(&a).unwrap().iter().filter(|z| z.re >= 0.0).count();
         assert_eq!(s.first, unstable);
         assert!((&s.t * &s.t_inverse - DMatrix::identity(12, 12)).norm() < 1e-11);
         let blocks = &s.t_inverse * &a * &s.t;

@@ -32,11 +32,7 @@ pub struct FloquetOptions {
 
 impl Default for FloquetOptions {
     fn default() -> Self {
-        Self {
-            tolerance: 1e-9,
-            max_steps: 4096,
-            harmonics: 8,
-        }
+        Self { tolerance: 1e-9, max_steps: 4096, harmonics: 8 }
     }
 }
 
@@ -179,9 +175,7 @@ pub fn analyse(model: &PeriodicModel, options: &FloquetOptions) -> Result<Floque
     while k < n {
         let multiplier = spectrum.values[k];
         let vector = spectrum.right.column(k).into_owned();
-        let sensitivity = spectrum.left[k]
-            .as_ref()
-            .map_or(f64::INFINITY, |w| w.norm());
+        let sensitivity = spectrum.left[k].as_ref().map_or(f64::INFINITY, |w| w.norm());
         let mode = describe(
             &current,
             multiplier,
@@ -219,10 +213,7 @@ pub fn analyse(model: &PeriodicModel, options: &FloquetOptions) -> Result<Floque
 }
 
 fn change(finer: &Transition, coarser: Option<&Transition>) -> f64 {
-    match (
-        finer.at_steps.last(),
-        coarser.and_then(|c| c.at_steps.last()),
-    ) {
+    match (finer.at_steps.last(), coarser.and_then(|c| c.at_steps.last())) {
         (Some(x), Some(y)) => (x - y).norm() / x.norm(),
         _ => f64::INFINITY,
     }
@@ -282,16 +273,11 @@ fn describe(
     let size = |k: i32| all[(k + reach) as usize].norm();
     let total: f64 = periodic.iter().map(|p| p.norm_squared()).sum::<f64>() / steps as f64;
     let largest = (-reach..=reach).map(size).fold(0.0, f64::max);
-    let candidates: Vec<i32> = (-reach..=reach)
-        .filter(|&k| size(k) >= AMBIGUOUS * largest)
-        .collect();
+    let candidates: Vec<i32> =
+        (-reach..=reach).filter(|&k| size(k) >= AMBIGUOUS * largest).collect();
     let exponent = |k: i32| principal + Complex::new(0.0, f64::from(k) * frequency);
-    let distance = |k: i32| {
-        averaged
-            .iter()
-            .map(|z| (z - exponent(k)).norm())
-            .fold(f64::INFINITY, f64::min)
-    };
+    let distance =
+        |k: i32| averaged.iter().map(|z| (z - exponent(k)).norm()).fold(f64::INFINITY, f64::min);
     // Between equals, the one that the averaged model shows; then the upper
     // half plane, so that a real multiplier has one answer.
     let branch = candidates
@@ -326,11 +312,7 @@ fn describe(
         multiplier,
         exponent: exponent(branch),
         branch,
-        dominance: if total > 0.0 {
-            (constant * constant / total).min(1.0)
-        } else {
-            0.0
-        },
+        dominance: if total > 0.0 { (constant * constant / total).min(1.0) } else { 0.0 },
         ambiguous: candidates.len() > 1,
         uncertainty,
         shape,
@@ -407,11 +389,7 @@ pub fn averaging_error(
 ) -> Result<AveragingError, LinearError> {
     const KNOWN: f64 = 1e-6;
     let averaged = model.averaged();
-    let certain: Vec<bool> = floquet
-        .modes
-        .iter()
-        .map(|m| m.uncertainty <= KNOWN)
-        .collect();
+    let certain: Vec<bool> = floquet.modes.iter().map(|m| m.uncertainty <= KNOWN).collect();
     let mut harmonic = Vec::with_capacity(harmonics + 1);
     let mut finest = averaged.clone();
     for n in 0..=harmonics {
@@ -441,9 +419,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn channels(n: usize) -> Vec<Channel> {
-        (0..n)
-            .map(|i| Channel::new(format!("x{i}"), Kind::Dimensionless))
-            .collect()
+        (0..n).map(|i| Channel::new(format!("x{i}"), Kind::Dimensionless)).collect()
     }
 
     fn model(
@@ -485,11 +461,7 @@ mod tests {
         let m = model(4, 2.0, 5, |_| a.clone());
         let f = analyse(&m, &FloquetOptions::default()).unwrap();
         for (mode, exact) in f.modes.iter().zip(eigenvalues(&a).unwrap()) {
-            assert!(
-                (mode.exponent - exact).norm() < 1e-10,
-                "{} {exact}",
-                mode.exponent
-            );
+            assert!((mode.exponent - exact).norm() < 1e-10, "{} {exact}", mode.exponent);
             assert!(mode.dominance > 1.0 - 1e-9);
             assert!(!mode.ambiguous);
         }
@@ -549,10 +521,7 @@ mod tests {
         let mut numbers = Numbers(2);
         let (a0, a1) = (numbers.matrix(3, 3), numbers.matrix(3, 3) * 0.5);
         let m = model(3, 5.0, 5, |psi| &a0 + &a1 * psi.cos());
-        let options = FloquetOptions {
-            harmonics: 10,
-            ..Default::default()
-        };
+        let options = FloquetOptions { harmonics: 10, ..Default::default() };
         let f = analyse(&m, &options).unwrap();
         let up = |x: &DMatrix<f64>| x.map(|v| Complex::new(v, 0.0));
         for mode in &f.modes {

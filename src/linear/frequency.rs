@@ -54,15 +54,9 @@ pub fn frequency_response(
     omega: &[f64],
 ) -> Result<FrequencyResponse, LinearError> {
     if let Some(bad) = omega.iter().find(|w| !w.is_finite()) {
-        return Err(LinearError::Domain(format!(
-            "frequency {bad} rad/s is not finite"
-        )));
+        return Err(LinearError::Domain(format!("frequency {bad} rad/s is not finite")));
     }
-    let (n, m, p) = (
-        model.states().len(),
-        model.inputs().len(),
-        model.outputs().len(),
-    );
+    let (n, m, p) = (model.states().len(), model.inputs().len(), model.outputs().len());
     let (balanced, scale) = balance(model.a())?;
     let mut b = model.b().clone();
     let mut c = model.c().clone();
@@ -121,12 +115,7 @@ struct Shifted {
 
 impl Shifted {
     fn new(n: usize, m: usize) -> Self {
-        Self {
-            n,
-            m,
-            rows: vec![C64::default(); n * n],
-            rhs: vec![C64::default(); n * m],
-        }
+        Self { n, m, rows: vec![C64::default(); n * n], rhs: vec![C64::default(); n * m] }
     }
 
     fn load(&mut self, h: &DMatrix<f64>, b: &DMatrix<f64>, w: f64) {
@@ -290,11 +279,7 @@ pub fn compare(
         }
         curves.push(((*label).to_owned(), bode));
     }
-    Ok(ChannelComparison {
-        input: input.to_owned(),
-        output: output.to_owned(),
-        curves,
-    })
+    Ok(ChannelComparison { input: input.to_owned(), output: output.to_owned(), curves })
 }
 
 /// How the error of an approximate model is judged.
@@ -313,11 +298,7 @@ pub struct ErrorOptions {
 
 impl Default for ErrorOptions {
     fn default() -> Self {
-        Self {
-            tolerance: 0.1,
-            coupling_floor: 0.1,
-            input_scale: Vec::new(),
-        }
+        Self { tolerance: 0.1, coupling_floor: 0.1, input_scale: Vec::new() }
     }
 }
 
@@ -380,15 +361,10 @@ pub fn compare_responses(
     options: &ErrorOptions,
 ) -> Result<ResponseError, LinearError> {
     let (p, m) = (full.outputs.len(), full.inputs.len());
-    let scale = if options.input_scale.is_empty() {
-        vec![1.0; m]
-    } else {
-        options.input_scale.clone()
-    };
+    let scale =
+        if options.input_scale.is_empty() { vec![1.0; m] } else { options.input_scale.clone() };
     if scale.len() != m || scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
-        return Err(LinearError::Domain(format!(
-            "{m} positive input scales are needed"
-        )));
+        return Err(LinearError::Domain(format!("{m} positive input scales are needed")));
     }
     let omega = &full.omega;
     let scaled = |g: &DMatrix<C64>| DMatrix::from_fn(p, m, |i, j| g[(i, j)] * scale[j]);
@@ -399,10 +375,8 @@ pub fn compare_responses(
             *sum += g.row(i).norm_squared() / omega.len() as f64;
         }
     }
-    let weight: Vec<f64> = row_mean
-        .iter()
-        .map(|&mean| if mean > 0.0 { 1.0 / mean.sqrt() } else { 0.0 })
-        .collect();
+    let weight: Vec<f64> =
+        row_mean.iter().map(|&mean| if mean > 0.0 { 1.0 / mean.sqrt() } else { 0.0 }).collect();
 
     let mut channels = Vec::with_capacity(omega.len());
     let mut sigma_max = Vec::with_capacity(omega.len());
@@ -423,14 +397,10 @@ pub fn compare_responses(
         ));
     }
     let trusted = |error: &dyn Fn(usize) -> f64| {
-        (0..omega.len())
-            .take_while(|&k| error(k) <= options.tolerance)
-            .last()
-            .map(|k| omega[k])
+        (0..omega.len()).take_while(|&k| error(k) <= options.tolerance).last().map(|k| omega[k])
     };
-    let channel_trusted_up_to = (0..p)
-        .map(|i| (0..m).map(|j| trusted(&|k| channels[k][(i, j)])).collect())
-        .collect();
+    let channel_trusted_up_to =
+        (0..p).map(|i| (0..m).map(|j| trusted(&|k| channels[k][(i, j)])).collect()).collect();
     let trusted_up_to = trusted(&|k| sigma_max[k]);
     for error in &channels {
         ensure_finite("the error over frequency", error)?;

@@ -26,11 +26,7 @@ impl Harmonics {
     /// The first `n` harmonics of states, inputs and outputs.
     pub fn up_to(n: usize) -> Self {
         let all: Vec<usize> = (1..=n).collect();
-        Self {
-            states: all.clone(),
-            inputs: all.clone(),
-            outputs: all,
-        }
+        Self { states: all.clone(), inputs: all.clone(), outputs: all }
     }
 
     /// The first `n` harmonics of the states; inputs and outputs are averages.
@@ -38,10 +34,7 @@ impl Harmonics {
     /// This is the model to compare with the averaged one: same inputs, same
     /// outputs, but with the state's response at the harmonics fed back.
     pub fn states_up_to(n: usize) -> Self {
-        Self {
-            states: (1..=n).collect(),
-            ..Self::default()
-        }
+        Self { states: (1..=n).collect(), ..Self::default() }
     }
 
     fn check(&self) -> Result<(), LinearError> {
@@ -103,10 +96,9 @@ pub fn decompose(model: &PeriodicModel, keep: &Harmonics) -> Result<StateSpace, 
 
 fn expand(channels: &[Channel], harmonics: &[usize]) -> Vec<Channel> {
     let block = |harmonic, sine| {
-        channels.iter().map(move |c| Channel {
-            name: coefficient_name(&c.name, harmonic, sine),
-            kind: c.kind,
-        })
+        channels
+            .iter()
+            .map(move |c| Channel { name: coefficient_name(&c.name, harmonic, sine), kind: c.kind })
     };
     let mut all: Vec<Channel> = block(0, false).collect();
     for &h in harmonics {
@@ -139,8 +131,7 @@ fn product_operator(m: &FourierMatrix, to: &[usize], from: &[usize]) -> DMatrix<
         }
     };
     let mut put = |i: usize, j: usize, block: DMatrix<f64>| {
-        out.view_mut((i * rows, j * columns), (rows, columns))
-            .copy_from(&block);
+        out.view_mut((i * rows, j * columns), (rows, columns)).copy_from(&block);
     };
     put(0, 0, m.cosine[0].clone());
     for (j, &l) in from.iter().enumerate() {
@@ -167,11 +158,7 @@ fn product_operator(m: &FourierMatrix, to: &[usize], from: &[usize]) -> DMatrix<
 /// outputs, named as in the periodic model.
 pub fn mean_channels(harmonic: &StateSpace) -> Result<StateSpace, LinearError> {
     let mean = |channels: &[Channel]| -> Vec<String> {
-        channels
-            .iter()
-            .filter(|c| c.name.ends_with(".0"))
-            .map(|c| c.name.clone())
-            .collect()
+        channels.iter().filter(|c| c.name.ends_with(".0")).map(|c| c.name.clone()).collect()
     };
     let cut = harmonic
         .select_inputs(&mean(harmonic.inputs()))?
@@ -179,10 +166,7 @@ pub fn mean_channels(harmonic: &StateSpace) -> Result<StateSpace, LinearError> {
     let plain = |channels: &[Channel]| -> Vec<Channel> {
         channels
             .iter()
-            .map(|c| Channel {
-                name: c.name.trim_end_matches(".0").to_owned(),
-                kind: c.kind,
-            })
+            .map(|c| Channel { name: c.name.trim_end_matches(".0").to_owned(), kind: c.kind })
             .collect()
     };
     StateSpace::new(
@@ -204,9 +188,7 @@ mod tests {
     use crate::units::Kind;
 
     fn channels(prefix: &str, n: usize) -> Vec<Channel> {
-        (0..n)
-            .map(|i| Channel::new(format!("{prefix}{i}"), Kind::Dimensionless))
-            .collect()
+        (0..n).map(|i| Channel::new(format!("{prefix}{i}"), Kind::Dimensionless)).collect()
     }
 
     fn random_model(samples: usize) -> PeriodicModel {
@@ -231,16 +213,10 @@ mod tests {
     #[test]
     fn no_harmonics_is_the_averaged_model() {
         let model = random_model(7);
-        let (mean, none) = (
-            model.averaged(),
-            decompose(&model, &Harmonics::up_to(0)).unwrap(),
-        );
-        for (x, y) in [
-            (mean.a(), none.a()),
-            (mean.b(), none.b()),
-            (mean.c(), none.c()),
-            (mean.d(), none.d()),
-        ] {
+        let (mean, none) = (model.averaged(), decompose(&model, &Harmonics::up_to(0)).unwrap());
+        for (x, y) in
+            [(mean.a(), none.a()), (mean.b(), none.b()), (mean.c(), none.c()), (mean.d(), none.d())]
+        {
             assert!((x - y).amax() < 1e-14);
         }
         assert_eq!(none.states()[1].name, "x1.0");

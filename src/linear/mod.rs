@@ -141,7 +141,5 @@ pub enum LinearError {
 }
 
 fn suggestion(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
+    nearest.as_ref().map_or_else(String::new, |n| format!("; did you mean \"{n}\"?"))
 }

@@ -18,10 +18,7 @@ pub struct Channel {
 impl Channel {
     /// A channel of this name and kind.
     pub fn new(name: impl Into<String>, kind: Kind) -> Self {
-        Self {
-            name: name.into(),
-            kind,
-        }
+        Self { name: name.into(), kind }
     }
 }
 
@@ -46,11 +43,7 @@ pub fn index_of(
         .min_by_key(|(distance, _)| *distance)
         .filter(|(distance, candidate)| *distance <= 3.max(candidate.len() / 2))
         .map(|(_, candidate)| candidate.clone());
-    Err(LinearError::UnknownName {
-        role,
-        name: name.to_owned(),
-        nearest,
-    })
+    Err(LinearError::UnknownName { role, name: name.to_owned(), nearest })
 }
 
 /// Positions of several names, each of which may appear once.
@@ -63,10 +56,7 @@ pub fn indices_of<S: AsRef<str>>(
     for name in names {
         let i = index_of(channels, role, name.as_ref())?;
         if found.contains(&i) {
-            return Err(LinearError::DuplicateName {
-                role,
-                name: name.as_ref().to_owned(),
-            });
+            return Err(LinearError::DuplicateName { role, name: name.as_ref().to_owned() });
         }
         found.push(i);
     }
@@ -76,10 +66,7 @@ pub fn indices_of<S: AsRef<str>>(
 fn check_unique(channels: &[Channel], role: &'static str) -> Result<(), LinearError> {
     for (i, c) in channels.iter().enumerate() {
         if channels[..i].iter().any(|other| other.name == c.name) {
-            return Err(LinearError::DuplicateName {
-                role,
-                name: c.name.clone(),
-            });
+            return Err(LinearError::DuplicateName { role, name: c.name.clone() });
         }
     }
     Ok(())
@@ -108,11 +95,7 @@ fn check_matrix(
                     .and_then(|i| of.get(i - 1))
                     .map_or(text, |c| c.name.clone())
             };
-            LinearError::NotFinite {
-                what,
-                row: named(row, rows),
-                column: named(column, columns),
-            }
+            LinearError::NotFinite { what, row: named(row, rows), column: named(column, columns) }
         }
         other => other,
     })
@@ -155,15 +138,7 @@ impl StateSpace {
         check_matrix("B", &b, &states, &inputs)?;
         check_matrix("C", &c, &outputs, &states)?;
         check_matrix("D", &d, &outputs, &inputs)?;
-        Ok(Self {
-            states,
-            inputs,
-            outputs,
-            a,
-            b,
-            c,
-            d,
-        })
+        Ok(Self { states, inputs, outputs, a, b, c, d })
     }
 
     /// A model whose outputs are its states: C = I, D = 0.
@@ -318,9 +293,7 @@ impl StateSpace {
     pub fn remove_unused<S: AsRef<str>>(&self, names: &[S]) -> Result<Self, LinearError> {
         const NEGLIGIBLE: f64 = 1e-12;
         let gone = indices_of(&self.states, "state", names)?;
-        let kept: Vec<usize> = (0..self.states.len())
-            .filter(|i| !gone.contains(i))
-            .collect();
+        let kept: Vec<usize> = (0..self.states.len()).filter(|i| !gone.contains(i)).collect();
         for &j in &gone {
             let used = |m: &DMatrix<f64>, i: usize| m[(i, j)].abs() > NEGLIGIBLE * m.row(i).amax();
             let dependent = kept
@@ -359,14 +332,10 @@ impl StateSpace {
     pub fn transform(&self, t: &DMatrix<f64>, states: Vec<Channel>) -> Result<Self, LinearError> {
         check_matrix("T", t, &self.states, &states)?;
         if t.nrows() != t.ncols() {
-            return Err(LinearError::Domain(
-                "a change of state needs a square matrix".into(),
-            ));
+            return Err(LinearError::Domain("a change of state needs a square matrix".into()));
         }
         let lu = t.clone().full_piv_lu();
-        let singular = || LinearError::Singular {
-            what: "the change of state".into(),
-        };
+        let singular = || LinearError::Singular { what: "the change of state".into() };
         let a = lu.solve(&(&self.a * t)).ok_or_else(singular)?;
         let b = lu.solve(&self.b).ok_or_else(singular)?;
         Self::new(
@@ -404,8 +373,7 @@ impl StateSpace {
         let mut a = DMatrix::zeros(n1 + n2, n1 + n2);
         a.view_mut((0, 0), (n1, n1)).copy_from(&self.a);
         a.view_mut((n1, n1), (n2, n2)).copy_from(&next.a);
-        a.view_mut((n1, 0), (n2, n1))
-            .copy_from(&(&next.b * &self.c));
+        a.view_mut((n1, 0), (n2, n1)).copy_from(&(&next.b * &self.c));
         Self::new(
             joined_names(&self.states, &next.states),
             self.inputs.clone(),
@@ -467,9 +435,7 @@ impl StateSpace {
     pub fn matrices_in(&self, system: System) -> Matrices {
         let (x, u, y) = self.unit_factors(system);
         let scaled = |m: &DMatrix<f64>, rows: &[f64], columns: &[f64]| {
-            DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
-                m[(i, j)] * (rows[i] / columns[j])
-            })
+            DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * (rows[i] / columns[j]))
         };
         Matrices {
             a: scaled(&self.a, &x, &x),
@@ -487,9 +453,7 @@ impl StateSpace {
         outputs: Vec<Channel>,
         given: Matrices,
     ) -> Result<Self, LinearError> {
-        let mut model = Self::new(
-            states, inputs, outputs, given.a, given.b, given.c, given.d,
-        )?;
+        let mut model = Self::new(states, inputs, outputs, given.a, given.b, given.c, given.d)?;
         let (x, u, y) = model.unit_factors(system);
         let scale = |m: &mut DMatrix<f64>, rows: &[f64], columns: &[f64]| {
             for (i, row) in rows.iter().enumerate() {
@@ -507,16 +471,9 @@ impl StateSpace {
 
     fn unit_factors(&self, system: System) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let factors = |channels: &[Channel]| -> Vec<f64> {
-            channels
-                .iter()
-                .map(|c| shown_per_si(c.kind, system))
-                .collect()
+            channels.iter().map(|c| shown_per_si(c.kind, system)).collect()
         };
-        (
-            factors(&self.states),
-            factors(&self.inputs),
-            factors(&self.outputs),
-        )
+        (factors(&self.states), factors(&self.inputs), factors(&self.outputs))
     }
 }
 
@@ -528,15 +485,9 @@ fn stack(top: &DMatrix<f64>, bottom: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 fn joined_names(first: &[Channel], second: &[Channel]) -> Vec<Channel> {
-    let clash = first
-        .iter()
-        .any(|f| second.iter().any(|s| s.name == f.name));
+    let clash = first.iter().any(|f| second.iter().any(|s| s.name == f.name));
     let prefixed = |prefix: &str, c: &Channel| Channel {
-        name: if clash {
-            format!("{prefix}.{}", c.name)
-        } else {
-            c.name.clone()
-        },
+        name: if clash { format!("{prefix}.{}", c.name) } else { c.name.clone() },
         kind: c.kind,
     };
     first
@@ -595,9 +546,7 @@ impl PeriodicModel {
             )));
         }
         if samples.is_empty() {
-            return Err(LinearError::Domain(
-                "a periodic model needs at least one sample".into(),
-            ));
+            return Err(LinearError::Domain("a periodic model needs at least one sample".into()));
         }
         for (k, s) in samples.iter().enumerate() {
             check_matrix(&format!("A of sample {k}"), &s.a, &states, &states)?;
@@ -605,13 +554,7 @@ impl PeriodicModel {
             check_matrix(&format!("C of sample {k}"), &s.c, &outputs, &states)?;
             check_matrix(&format!("D of sample {k}"), &s.d, &outputs, &inputs)?;
         }
-        Ok(Self {
-            states,
-            inputs,
-            outputs,
-            frequency,
-            samples,
-        })
+        Ok(Self { states, inputs, outputs, frequency, samples })
     }
 
     /// States, in the order of the rows of A.
@@ -664,9 +607,7 @@ impl PeriodicModel {
     /// [`StateSpace::remove_unused`].
     pub fn remove_unused<S: AsRef<str>>(&self, names: &[S]) -> Result<Self, LinearError> {
         let gone = indices_of(&self.states, "state", names)?;
-        let kept: Vec<usize> = (0..self.states.len())
-            .filter(|i| !gone.contains(i))
-            .collect();
+        let kept: Vec<usize> = (0..self.states.len()).filter(|i| !gone.contains(i)).collect();
         let mut samples = Vec::with_capacity(self.samples.len());
         let mut states = Vec::new();
         for s in &self.samples {
@@ -682,12 +623,7 @@ impl PeriodicModel {
             here.remove_unused(names)?;
             let cut = here.sub_block(&kept);
             states = cut.states;
-            samples.push(PeriodicSample {
-                a: cut.a,
-                b: cut.b,
-                c: cut.c,
-                d: cut.d,
-            });
+            samples.push(PeriodicSample { a: cut.a, b: cut.b, c: cut.c, d: cut.d });
         }
         Ok(Self {
             states,
@@ -750,9 +686,7 @@ impl FourierMatrix {
     /// largest entry of any harmonic.
     pub fn without_noise(mut self, relative: f64) -> Self {
         let size = |f: &Self, k: usize| f.cosine[k].amax().max(f.sine[k].amax());
-        let largest = (0..self.cosine.len())
-            .map(|k| size(&self, k))
-            .fold(0.0, f64::max);
+        let largest = (0..self.cosine.len()).map(|k| size(&self, k)).fold(0.0, f64::max);
         while self.cosine.len() > 1 && size(&self, self.highest()) <= relative * largest {
             self.cosine.pop();
             self.sine.pop();
@@ -765,10 +699,7 @@ impl FourierMatrix {
         let mut out = self.cosine[0].clone();
         for k in 1..self.cosine.len() {
             let (s, c) = (k as f64 * psi).sin_cos();
-            let pairs = self.cosine[k]
-                .as_slice()
-                .iter()
-                .zip(self.sine[k].as_slice());
+            let pairs = self.cosine[k].as_slice().iter().zip(self.sine[k].as_slice());
             for (o, (ck, sk)) in out.as_mut_slice().iter_mut().zip(pairs) {
                 *o += c * ck + s * sk;
             }

@@ -57,8 +57,7 @@ impl Mode {
     }
     /// Period of the oscillation, s.
     pub fn period(&self) -> Option<f64> {
-        self.oscillates()
-            .then(|| std::f64::consts::TAU / self.eigenvalue.im)
+        self.oscillates().then(|| std::f64::consts::TAU / self.eigenvalue.im)
     }
 }
 
@@ -142,16 +141,8 @@ pub fn modes(model: &StateSpace) -> Result<Vec<Mode>, LinearError> {
             .map(|(share, name)| ((*name).to_owned(), *share))
             .collect();
         dominant.sort_by(|x, y| y.1.total_cmp(&x.1));
-        let name = participation
-            .as_ref()
-            .and_then(|p| name_of(value, &names, p));
-        found.push(Mode {
-            eigenvalue: value,
-            shape,
-            participation,
-            dominant,
-            name,
-        });
+        let name = participation.as_ref().and_then(|p| name_of(value, &names, p));
+        found.push(Mode { eigenvalue: value, shape, participation, dominant, name });
     }
     Ok(found)
 }
@@ -161,12 +152,7 @@ const CLEAR: f64 = 0.6;
 
 fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName> {
     let share = |wanted: &dyn Fn(&str) -> bool| -> f64 {
-        names
-            .iter()
-            .zip(participation)
-            .filter(|(name, _)| wanted(name))
-            .map(|(_, p)| p)
-            .sum()
+        names.iter().zip(participation).filter(|(name, _)| wanted(name)).map(|(_, p)| p).sum()
     };
     let of = |list: &[&str]| share(&|name| list.contains(&name));
     if share(&|name| name.contains("beta")) >= CLEAR {
@@ -189,11 +175,7 @@ fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName
         // In the hovering cubic s³ + a = 0 the three states share alike; in
         // the phugoid q hardly takes part.
         if pitch >= CLEAR {
-            return Some(if q >= 0.2 {
-                ModeName::PitchOscillation
-            } else {
-                ModeName::Phugoid
-            });
+            return Some(if q >= 0.2 { ModeName::PitchOscillation } else { ModeName::Phugoid });
         }
         if w + q >= CLEAR && w >= 0.2 && q >= 0.2 && stable {
             return Some(ModeName::ShortPeriod);
@@ -233,7 +215,13 @@ mod tests {
     fn print_modes() {
         for c in [Condition::Hover, Condition::Forward] {
             for m in modes(&appendix(c).unwrap()).unwrap() {
-                println!("{:?} {:?} {:?} {:?}", m.eigenvalue, m.name, m.dominant, m.damping_ratio());
+                println!(
+                    "{:?} {:?} {:?} {:?}",
+                    m.eigenvalue,
+                    m.name,
+                    m.dominant,
+                    m.damping_ratio()
+                );
             }
         }
     }

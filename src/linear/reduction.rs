@@ -81,9 +81,7 @@ struct Partition {
 
 fn partition<S: AsRef<str>>(model: &StateSpace, keep: &[S]) -> Result<Partition, LinearError> {
     let keep = indices_of(model.states(), "state", keep)?;
-    let rest = (0..model.states().len())
-        .filter(|i| !keep.contains(i))
-        .collect();
+    let rest = (0..model.states().len()).filter(|i| !keep.contains(i)).collect();
     Ok(Partition { keep, rest })
 }
 
@@ -144,10 +142,7 @@ fn residualise_parts(
     let (a21, a22) = (block(rest, keep), block(rest, rest));
     check_fast_block(model, rest, &a22)?;
     let (b1, b2) = (model.b().select_rows(keep), model.b().select_rows(rest));
-    let (c1, c2) = (
-        model.c().select_columns(keep),
-        model.c().select_columns(rest),
-    );
+    let (c1, c2) = (model.c().select_columns(keep), model.c().select_columns(rest));
     let follow_x = solve_checked("the block of the fast states", &a22, &a21)?;
     let follow_u = solve_checked("the block of the fast states", &a22, &b2)?;
     let reduced = StateSpace::new(
@@ -173,11 +168,7 @@ fn check_fast_block(
     let (scaled, ..) = dense::equilibrate(a22);
     let parts = dense::svd(&scaled)?;
     let (largest, smallest) = (parts.s[0], parts.s[rest.len() - 1]);
-    let ratio = if largest > 0.0 {
-        smallest / largest
-    } else {
-        0.0
-    };
+    let ratio = if largest > 0.0 { smallest / largest } else { 0.0 };
     if ratio > SINGULAR * rest.len() as f64 {
         return Ok(());
     }
@@ -202,10 +193,7 @@ fn check_fast_block(
 /// An unknown name.
 pub fn truncate<S: AsRef<str>>(model: &StateSpace, keep: &[S]) -> Result<Reduction, LinearError> {
     let parts = partition(model, keep)?;
-    let a22 = model
-        .a()
-        .select_rows(&parts.rest)
-        .select_columns(&parts.rest);
+    let a22 = model.a().select_rows(&parts.rest).select_columns(&parts.rest);
     Ok(Reduction {
         model: model.sub_block(&parts.keep),
         method: Method::Truncate,
@@ -231,11 +219,7 @@ pub struct BalancedOptions {
 
 impl Default for BalancedOptions {
     fn default() -> Self {
-        Self {
-            stability_margin: 1e-6,
-            input_scale: Vec::new(),
-            output_scale: Vec::new(),
-        }
+        Self { stability_margin: 1e-6, input_scale: Vec::new(), output_scale: Vec::new() }
     }
 }
 
@@ -259,11 +243,7 @@ pub fn balance_model(
     model: &StateSpace,
     options: &BalancedOptions,
 ) -> Result<Balanced, LinearError> {
-    let (n, m, p) = (
-        model.states().len(),
-        model.inputs().len(),
-        model.outputs().len(),
-    );
+    let (n, m, p) = (model.states().len(), model.inputs().len(), model.outputs().len());
     let input_scale = scales("input", &options.input_scale, m)?;
     let output_scale = scales("output", &options.output_scale, p)?;
     let margin = options.stability_margin;
@@ -308,19 +288,11 @@ pub fn balance_model(
     }
     let size = k + rank;
     let mut whole_into = DMatrix::zeros(n, size);
-    whole_into
-        .columns_mut(0, k)
-        .copy_from(&parts.t.columns(0, k));
-    whole_into
-        .columns_mut(k, rank)
-        .copy_from(&(parts.t.columns(k, stable) * into));
+    whole_into.columns_mut(0, k).copy_from(&parts.t.columns(0, k));
+    whole_into.columns_mut(k, rank).copy_from(&(parts.t.columns(k, stable) * into));
     let mut whole_from = DMatrix::zeros(size, n);
-    whole_from
-        .rows_mut(0, k)
-        .copy_from(&parts.t_inverse.rows(0, k));
-    whole_from
-        .rows_mut(k, rank)
-        .copy_from(&(from * parts.t_inverse.rows(k, stable)));
+    whole_from.rows_mut(0, k).copy_from(&parts.t_inverse.rows(0, k));
+    whole_from.rows_mut(k, rank).copy_from(&(from * parts.t_inverse.rows(k, stable)));
     let mut new_a = &whole_from * model.a() * &whole_into;
     // The split makes these blocks zero; what rounding left would only blur it.
     new_a.view_mut((0, k), (k, rank)).fill(0.0);
@@ -355,9 +327,7 @@ fn scales(role: &str, given: &[f64], count: usize) -> Result<Vec<f64>, LinearErr
         return Ok(vec![1.0; count]);
     }
     if given.len() != count || given.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
-        return Err(LinearError::Domain(format!(
-            "{count} positive {role} scales are needed"
-        )));
+        return Err(LinearError::Domain(format!("{count} positive {role} scales are needed")));
     }
     Ok(given.to_vec())
 }
@@ -402,18 +372,12 @@ pub fn balanced(
     }
     let size = full.model.states().len();
     let order = order.min(size);
-    let parts = Partition {
-        keep: (0..order).collect(),
-        rest: (order..size).collect(),
-    };
+    let parts = Partition { keep: (0..order).collect(), rest: (order..size).collect() };
     let mut warnings = Vec::new();
     let neglected = &full.hankel[(order - full.unstable).min(full.hankel.len())..];
-    if let (Some(last), Some(first)) = (
-        (order - full.unstable)
-            .checked_sub(1)
-            .and_then(|i| full.hankel.get(i)),
-        neglected.first(),
-    ) && *first > 0.99 * last
+    if let (Some(last), Some(first)) =
+        ((order - full.unstable).checked_sub(1).and_then(|i| full.hankel.get(i)), neglected.first())
+        && *first > 0.99 * last
     {
         warnings.push(
             "the order cuts between two equal Hankel singular values: one state more or less \
@@ -423,11 +387,7 @@ pub fn balanced(
     }
     let (reduced, removed) = match method {
         Method::BalancedTruncate => {
-            let a22 = full
-                .model
-                .a()
-                .select_rows(&parts.rest)
-                .select_columns(&parts.rest);
+            let a22 = full.model.a().select_rows(&parts.rest).select_columns(&parts.rest);
             (full.model.sub_block(&parts.keep), eigenvalues(&a22)?)
         }
         Method::BalancedResidualise => residualise_parts(&full.model, &parts)?,
@@ -472,13 +432,7 @@ pub fn outputs_as_states<S: AsRef<str>>(
     }
     let c = model.c().select_rows(&chosen);
     let n = c.nrows();
-    let t = solve_checked(
-        "the map from states to the chosen outputs",
-        &c,
-        &DMatrix::identity(n, n),
-    )?;
-    model.transform(
-        &t,
-        chosen.iter().map(|&i| model.outputs()[i].clone()).collect(),
-    )
+    let t =
+        solve_checked("the map from states to the chosen outputs", &c, &DMatrix::identity(n, n))?;
+    model.transform(&t, chosen.iter().map(|&i| model.outputs()[i].clone()).collect())
 }

@@ -102,9 +102,8 @@ pub fn appendix(condition: Condition) -> Result<StateSpace, LinearError> {
         Condition::Forward => (A_FORWARD, B_FORWARD),
     };
     let states = state_channels();
-    let inputs = ["lat", "lon", "col", "ped"]
-        .map(|name| Channel::new(name, Kind::Percent))
-        .to_vec();
+    let inputs =
+        ["lat", "lon", "col", "ped"].map(|name| Channel::new(name, Kind::Percent)).to_vec();
     StateSpace::from_matrices_in(
         System::Us,
         states.clone(),
@@ -173,23 +172,11 @@ pub fn compare_with_appendix(
         let k = model.state(&row.name)?;
         for (j, column) in paper.states().iter().enumerate() {
             let l = model.state(&column.name)?;
-            push(
-                &mut entries,
-                (row, column),
-                printed.a[(i, j)],
-                computed.a[(k, l)],
-                threshold,
-            );
+            push(&mut entries, (row, column), printed.a[(i, j)], computed.a[(k, l)], threshold);
         }
         for (j, column) in paper.inputs().iter().enumerate() {
             let l = model.input(&column.name)?;
-            push(
-                &mut entries,
-                (row, column),
-                printed.b[(i, j)],
-                computed.b[(k, l)],
-                threshold,
-            );
+            push(&mut entries, (row, column), printed.b[(i, j)], computed.b[(k, l)], threshold);
         }
     }
     Ok(entries)

@@ -123,11 +123,7 @@ pub struct Solution {
 impl Program {
     /// An empty program of `count` variables.
     pub fn new(count: usize) -> Self {
-        Self {
-            count,
-            linear: vec![0.0; count],
-            ..Self::default()
-        }
+        Self { count, linear: vec![0.0; count], ..Self::default() }
     }
 
     /// Number of rows: half-spaces plus three for each cone.
@@ -166,10 +162,7 @@ impl Program {
                 return Err(ConicError::NotFinite { place: place() });
             }
             match row.terms.iter().find(|t| t.0 >= self.count) {
-                Some(&(index, _)) => Err(ConicError::NoSuchVariable {
-                    index,
-                    count: self.count,
-                }),
+                Some(&(index, _)) => Err(ConicError::NoSuchVariable { index, count: self.count }),
                 None => Ok(()),
             }
         };
@@ -184,15 +177,10 @@ impl Program {
         if self.linear.iter().any(|v| !v.is_finite())
             || self.quadratic.values().any(|v| !v.is_finite())
         {
-            return Err(ConicError::NotFinite {
-                place: "objective".into(),
-            });
+            return Err(ConicError::NotFinite { place: "objective".into() });
         }
         match self.quadratic.keys().find(|k| k.1 >= self.count) {
-            Some(&(_, index)) => Err(ConicError::NoSuchVariable {
-                index,
-                count: self.count,
-            }),
+            Some(&(_, index)) => Err(ConicError::NoSuchVariable { index, count: self.count }),
             None => Ok(()),
         }
     }
@@ -213,10 +201,7 @@ impl Program {
         let rows = self.row_count();
         let mut by_column: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
         let mut b = Vec::with_capacity(rows);
-        let all = self
-            .half_spaces
-            .iter()
-            .chain(self.cones.iter().flat_map(|c| c.iter()));
+        let all = self.half_spaces.iter().chain(self.cones.iter().flat_map(|c| c.iter()));
         for (r, row) in all.enumerate() {
             b.push(row.constant);
             for &(i, c) in &row.terms {

@@ -82,9 +82,9 @@ fn series(name: &str, style: usize, x: &[f64], y: &[f64], marks: Marks) -> Serie
 fn curve_panel(x: Axis, data: &CurvePanel) -> Panel {
     let y = Axis::linear(&data.quantity, &data.unit).minimum_span(data.minimum_span);
     let start = Panel::new(x, y).title(&data.title);
-    data.curves.iter().fold(start, |panel, c| {
-        panel.line(series(&c.name, c.style, &c.x, &c.y, c.marks))
-    })
+    data.curves
+        .iter()
+        .fold(start, |panel, c| panel.line(series(&c.name, c.style, &c.x, &c.y, c.marks)))
 }
 
 // ---------------------------------------------------------------------------
@@ -135,37 +135,29 @@ pub fn trim_figure(title: &str, speed_unit: &str, sweeps: &[TrimSweep]) -> Figur
         .panel_size(290.0, 135.0)
         .share_x()
         .legend(Legend::Above)
-        .panel(panel(
-            Axis::degrees("pitch attitude").minimum_span(small),
-            &|s| Some(&s.pitch_attitude_deg),
-        ))
-        .panel(panel(
-            Axis::degrees("roll attitude").minimum_span(small),
-            &|s| Some(&s.roll_attitude_deg),
-        ));
+        .panel(panel(Axis::degrees("pitch attitude").minimum_span(small), &|s| {
+            Some(&s.pitch_attitude_deg)
+        }))
+        .panel(panel(Axis::degrees("roll attitude").minimum_span(small), &|s| {
+            Some(&s.roll_attitude_deg)
+        }));
     let count = sweeps.iter().map(|s| s.controls.len()).max().unwrap_or(0);
     for index in 0..count {
         let Some(channel) = sweeps.iter().find_map(|s| s.controls.get(index)) else {
             continue;
         };
-        figure = figure.panel(panel(
-            Axis::linear(&channel.name, &channel.unit).minimum_span(small),
-            &|s| s.controls.get(index).map(|c| c.values.as_slice()),
-        ));
+        figure = figure
+            .panel(panel(Axis::linear(&channel.name, &channel.unit).minimum_span(small), &|s| {
+                s.controls.get(index).map(|c| c.values.as_slice())
+            }));
     }
     let power = sweeps.first().map(|s| &s.power);
     figure = figure.panel(panel(
-        Axis::linear(
-            power.map_or("power", |p| &p.name),
-            power.map_or("", |p| &p.unit),
-        )
-        .include(0.0),
+        Axis::linear(power.map_or("power", |p| &p.name), power.map_or("", |p| &p.unit))
+            .include(0.0),
         &|s| Some(&s.power.values),
     ));
-    let mut shares = Panel::new(
-        speed(),
-        Axis::linear("thrust share", "%").minimum_span(10.0),
-    );
+    let mut shares = Panel::new(speed(), Axis::linear("thrust share", "%").minimum_span(10.0));
     for sweep in sweeps {
         for (rotor, share) in sweep.thrust_share.iter().enumerate() {
             // The legend names the models; the rotors are named at their curves.
@@ -182,11 +174,7 @@ pub fn trim_figure(title: &str, speed_unit: &str, sweeps: &[TrimSweep]) -> Figur
                     .filter(|(i, _)| *i != rotor)
                     .filter_map(|(_, o)| o.values.get(middle));
                 let highest = others.clone().all(|&o| o <= y);
-                let anchor = if highest {
-                    Anchor::Above
-                } else {
-                    Anchor::Below
-                };
+                let anchor = if highest { Anchor::Above } else { Anchor::Below };
                 shares = shares.text(x, y, &share.name, anchor);
             }
         }
@@ -225,36 +213,23 @@ pub struct PlaneView {
 /// When every set is its own conjugate the lower half plane is left out.
 #[must_use]
 pub fn eigenvalue_figure(title: &str, sets: &[EigenvalueSet], views: &[PlaneView]) -> Figure {
-    let all = [PlaneView {
-        title: String::new(),
-        real: None,
-        imaginary: None,
-    }];
+    let all = [PlaneView { title: String::new(), real: None, imaginary: None }];
     let views = if views.is_empty() { &all } else { views };
     let symmetric = sets.iter().all(|s| is_own_conjugate(&s.values));
     views.iter().fold(
-        Figure::new(title)
-            .columns(views.len().min(2))
-            .panel_size(330.0, 300.0),
+        Figure::new(title).columns(views.len().min(2)).panel_size(330.0, 300.0),
         |figure, view| figure.panel(plane(sets, view, symmetric)),
     )
 }
 
 fn is_own_conjugate(values: &[Complex64]) -> bool {
     // The tolerance is that of a drawing, not of a computation.
-    values.iter().all(|v| {
-        values
-            .iter()
-            .any(|w| (w - v.conj()).norm() <= 1e-6 * v.norm() + 1e-9)
-    })
+    values.iter().all(|v| values.iter().any(|w| (w - v.conj()).norm() <= 1e-6 * v.norm() + 1e-9))
 }
 
 fn plane(sets: &[EigenvalueSet], view: &PlaneView, symmetric: bool) -> Panel {
-    let finite = || {
-        sets.iter()
-            .flat_map(|s| &s.values)
-            .filter(|v| v.re.is_finite() && v.im.is_finite())
-    };
+    let finite =
+        || sets.iter().flat_map(|s| &s.values).filter(|v| v.re.is_finite() && v.im.is_finite());
     let span = |pick: fn(&Complex64) -> f64| {
         let low = finite().map(pick).fold(0.0, f64::min);
         let high = finite().map(pick).fold(0.0, f64::max);
@@ -264,11 +239,7 @@ fn plane(sets: &[EigenvalueSet], view: &PlaneView, symmetric: bool) -> Panel {
     let real = view.real.unwrap_or_else(|| span(|v| v.re));
     let imaginary = view.imaginary.unwrap_or_else(|| {
         let (low, high) = span(|v| v.im);
-        if symmetric {
-            (-0.04 * high, high)
-        } else {
-            (low, high)
-        }
+        if symmetric { (-0.04 * high, high) } else { (low, high) }
     });
     let mut panel = Panel::new(
         Axis::linear("real part", "rad/s").range(real.0, real.1),
@@ -279,21 +250,13 @@ fn plane(sets: &[EigenvalueSet], view: &PlaneView, symmetric: bool) -> Panel {
     .vertical_line(0.0, "")
     .horizontal_line(0.0, "");
     let reach = real.0.abs().max(imaginary.0.abs()).max(imaginary.1) * 2.0;
-    let halves: &[f64] = if imaginary.0 < -0.1 * imaginary.1 {
-        &[1.0, -1.0]
-    } else {
-        &[1.0]
-    };
+    let halves: &[f64] = if imaginary.0 < -0.1 * imaginary.1 { &[1.0, -1.0] } else { &[1.0] };
     if real.0 < 0.0 {
         for damping in [0.1, 0.2, 0.4, 0.6, 0.8] {
             let angle = f64::acos(-damping);
             for half in halves {
                 let end = [reach * angle.cos(), half * reach * angle.sin()];
-                let label = if *half > 0.0 {
-                    format!("ζ {damping}")
-                } else {
-                    String::new()
-                };
+                let label = if *half > 0.0 { format!("ζ {damping}") } else { String::new() };
                 panel = panel.guide(&[[0.0, 0.0], end], &label);
             }
         }
@@ -319,11 +282,7 @@ fn plane(sets: &[EigenvalueSet], view: &PlaneView, symmetric: bool) -> Panel {
             .filter(|v| !symmetric || v.im >= -1e-9 * v.norm())
             .map(|v| [v.re, v.im])
             .collect();
-        panel = panel.line(
-            Series::from_points(&set.name, points)
-                .style(set.style)
-                .scatter(),
-        );
+        panel = panel.line(Series::from_points(&set.name, points).style(set.style).scatter());
     }
     panel
 }
@@ -366,11 +325,7 @@ impl FrequencyResponse {
             .iter()
             .map(|r| {
                 let magnitude = 20.0 * r.norm().log10();
-                if magnitude.is_finite() {
-                    magnitude
-                } else {
-                    f64::NAN
-                }
+                if magnitude.is_finite() { magnitude } else { f64::NAN }
             })
             .collect()
     }
@@ -397,10 +352,9 @@ impl FrequencyResponse {
             })
             .collect();
         let shift = match around {
-            Some(target) => phase
-                .iter()
-                .find(|p| p.is_finite())
-                .map_or(0.0, |p| ((target - p) / 360.0).round()),
+            Some(target) => {
+                phase.iter().find(|p| p.is_finite()).map_or(0.0, |p| ((target - p) / 360.0).round())
+            }
             None => self
                 .response
                 .iter()
@@ -500,10 +454,7 @@ impl ExclusionRegion {
     }
 
     fn label(&self) -> String {
-        format!(
-            "less than {} dB, {} deg",
-            self.gain_margin_db, self.phase_margin_deg
-        )
+        format!("less than {} dB, {} deg", self.gain_margin_db, self.phase_margin_deg)
     }
 }
 
@@ -513,10 +464,7 @@ fn landmarks(response: &FrequencyResponse) -> Vec<(f64, Complex64)> {
     for decade in -3..=4 {
         for mantissa in [1.0, 2.0, 5.0] {
             let target = mantissa * 10f64.powi(decade);
-            let pairs = response
-                .frequency
-                .windows(2)
-                .zip(response.response.windows(2));
+            let pairs = response.frequency.windows(2).zip(response.response.windows(2));
             for (w, r) in pairs {
                 if w[0] <= target && target < w[1] && w[0] > 0.0 {
                     let t = (target / w[0]).ln() / (w[1] / w[0]).ln();
@@ -559,12 +507,7 @@ pub fn nyquist_figure(
         let points = r.response.iter().map(|v| [v.re, v.im]).collect();
         panel = panel.line(Series::from_points(&r.name, points).style(r.style));
     }
-    panel = panel.line(
-        Series::from_points("", vec![[-1.0, 0.0]])
-            .color(6)
-            .marker(7)
-            .scatter(),
-    );
+    panel = panel.line(Series::from_points("", vec![[-1.0, 0.0]]).color(6).marker(7).scatter());
     if let Some(first) = responses.first() {
         let mut last: Option<[f64; 2]> = None;
         for (frequency, value) in landmarks(first) {
@@ -575,11 +518,7 @@ pub fn nyquist_figure(
             }
             last = Some(at);
             panel = panel
-                .line(
-                    Series::from_points("", vec![at])
-                        .style(first.style)
-                        .scatter(),
-                )
+                .line(Series::from_points("", vec![at]).style(first.style).scatter())
                 .text(at[0], at[1], &format!("{frequency}"), Anchor::Right);
         }
     }
@@ -631,12 +570,8 @@ pub fn nichols_figure(
                 panel = panel.polygon(&points, Tone::Forbidden, &label);
                 label.clear();
             }
-            panel = panel.line(
-                Series::from_points("", vec![[center, 0.0]])
-                    .color(6)
-                    .marker(7)
-                    .scatter(),
-            );
+            panel = panel
+                .line(Series::from_points("", vec![[center, 0.0]]).color(6).marker(7).scatter());
             center += 360.0;
         }
     }
@@ -663,11 +598,7 @@ pub fn nichols_figure(
             let raw = value.arg().to_degrees();
             let at = raw + 360.0 * ((near - raw) / 360.0).round();
             panel = panel
-                .line(
-                    Series::from_points("", vec![[at, gain]])
-                        .style(first.style)
-                        .scatter(),
-                )
+                .line(Series::from_points("", vec![[at, gain]]).style(first.style).scatter())
                 .text(at, gain, &format!("{target}"), Anchor::Right);
         }
     }
@@ -697,14 +628,8 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
         .legend(Legend::Above)
         .share_x();
     for data in panels {
-        let values = || {
-            data.responses
-                .iter()
-                .flat_map(FrequencyResponse::magnitude_db)
-        };
-        let top = values()
-            .fold(data.peak_spec_db.unwrap_or(0.0), f64::max)
-            .max(3.0);
+        let values = || data.responses.iter().flat_map(FrequencyResponse::magnitude_db);
+        let top = values().fold(data.peak_spec_db.unwrap_or(0.0), f64::max).max(3.0);
         let low = values().fold(f64::INFINITY, f64::min);
         let bottom = if low.is_finite() {
             low.clamp(LOWEST_SENSITIVITY_DB, -10.0)
@@ -726,10 +651,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
             panel = panel
                 .band(
                     (f64::NEG_INFINITY, bandwidth),
-                    (
-                        REJECTION_LEVEL_DB,
-                        data.peak_spec_db.unwrap_or(f64::INFINITY),
-                    ),
+                    (REJECTION_LEVEL_DB, data.peak_spec_db.unwrap_or(f64::INFINITY)),
                     Tone::Forbidden,
                     "not allowed",
                 )
@@ -757,20 +679,17 @@ fn curve_figure(
     panels: &[CurvePanel],
     x: impl Fn() -> Axis,
 ) -> Figure {
-    panels.iter().fold(
-        Figure::new(title).columns(columns).share_x(),
-        |figure, data| figure.panel(curve_panel(x(), data)),
-    )
+    panels.iter().fold(Figure::new(title).columns(columns).share_x(), |figure, data| {
+        figure.panel(curve_panel(x(), data))
+    })
 }
 
 /// Gains over airspeed.
 #[must_use]
 pub fn gain_schedule_figure(title: &str, speed_unit: &str, panels: &[CurvePanel]) -> Figure {
     let columns = panels.len().clamp(1, 3);
-    curve_figure(title, columns, panels, || {
-        Axis::linear("airspeed", speed_unit)
-    })
-    .panel_size(225.0, 140.0)
+    curve_figure(title, columns, panels, || Axis::linear("airspeed", speed_unit))
+        .panel_size(225.0, 140.0)
 }
 
 /// Time histories, s, one above the other.
@@ -847,9 +766,7 @@ mod tests {
         FrequencyResponse {
             name: "model".into(),
             style: 0,
-            frequency: (0..values.len())
-                .map(|i| 0.1 * 1.05f64.powi(i as i32))
-                .collect(),
+            frequency: (0..values.len()).map(|i| 0.1 * 1.05f64.powi(i as i32)).collect(),
             response: values,
         }
     }
@@ -858,21 +775,11 @@ mod tests {
     fn phase_follows_a_pure_delay_without_jumps() {
         let frequency: Vec<f64> = (0..200).map(|i| 0.1 * 1.05f64.powi(i)).collect();
         let delay = 0.1;
-        let values = frequency
-            .iter()
-            .map(|w| Complex64::from_polar(1.0, -w * delay))
-            .collect();
-        let phase = FrequencyResponse {
-            frequency: frequency.clone(),
-            ..response(values)
-        }
-        .phase_deg(Some(0.0));
+        let values = frequency.iter().map(|w| Complex64::from_polar(1.0, -w * delay)).collect();
+        let phase = FrequencyResponse { frequency: frequency.clone(), ..response(values) }
+            .phase_deg(Some(0.0));
         // Below half a turn a step, unwrapping is exact.
-        for (w, p) in frequency
-            .iter()
-            .zip(&phase)
-            .take_while(|(w, _)| **w < 500.0)
-        {
+        for (w, p) in frequency.iter().zip(&phase).take_while(|(w, _)| **w < 500.0) {
             assert!((p + (w * delay).to_degrees()).abs() < 1e-9, "{w} {p}");
         }
     }
@@ -880,9 +787,8 @@ mod tests {
     #[test]
     fn phase_at_crossover_is_within_one_turn_below_zero() {
         // 1/s^3-like: -270 deg, which arg() calls +90.
-        let values = (0..50)
-            .map(|i| Complex64::new(0.0, 10f64.powf(1.0 - 0.05 * f64::from(i))))
-            .collect();
+        let values =
+            (0..50).map(|i| Complex64::new(0.0, 10f64.powf(1.0 - 0.05 * f64::from(i)))).collect();
         let phase = response(values).phase_deg(None);
         assert!(phase.iter().all(|p| (p + 270.0).abs() < 1e-9));
     }
@@ -897,11 +803,7 @@ mod tests {
 
     #[test]
     fn exclusion_region_is_its_margins() {
-        let corners = ExclusionRegion {
-            gain_margin_db: 6.0,
-            phase_margin_deg: 45.0,
-        }
-        .corners();
+        let corners = ExclusionRegion { gain_margin_db: 6.0, phase_margin_deg: 45.0 }.corners();
         // Raising or lowering the gain by the margin takes the corner to -1.
         let six = 10f64.powf(0.3);
         assert!((corners[0] / six + 1.0).norm() < 1e-12);

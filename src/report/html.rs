@@ -29,14 +29,8 @@ pub struct Section {
 enum Block {
     Paragraph(String),
     List(Vec<String>),
-    Preformatted {
-        summary: String,
-        text: String,
-    },
-    Figure {
-        figure: Box<Figure>,
-        caption: String,
-    },
+    Preformatted { summary: String, text: String },
+    Figure { figure: Box<Figure>, caption: String },
     Table(Box<Table>),
 }
 
@@ -44,10 +38,7 @@ impl Section {
     /// A section without contents.
     #[must_use]
     pub fn new(heading: &str) -> Self {
-        Self {
-            heading: heading.to_string(),
-            blocks: Vec::new(),
-        }
+        Self { heading: heading.to_string(), blocks: Vec::new() }
     }
 
     /// Adds a paragraph of plain text.
@@ -67,20 +58,15 @@ impl Section {
     /// Adds text as it stands, like a log, folded behind `summary`.
     #[must_use]
     pub fn preformatted(mut self, summary: &str, text: &str) -> Self {
-        self.blocks.push(Block::Preformatted {
-            summary: summary.to_string(),
-            text: text.to_string(),
-        });
+        self.blocks
+            .push(Block::Preformatted { summary: summary.to_string(), text: text.to_string() });
         self
     }
 
     /// Adds a numbered figure. What it could not draw is said under it.
     #[must_use]
     pub fn figure(mut self, figure: Figure, caption: &str) -> Self {
-        self.blocks.push(Block::Figure {
-            figure: Box::new(figure),
-            caption: caption.to_string(),
-        });
+        self.blocks.push(Block::Figure { figure: Box::new(figure), caption: caption.to_string() });
         self
     }
 
@@ -96,11 +82,7 @@ impl Page {
     /// A page without sections.
     #[must_use]
     pub fn new(title: &str) -> Self {
-        Self {
-            title: title.to_string(),
-            summary: String::new(),
-            sections: Vec::new(),
-        }
+        Self { title: title.to_string(), summary: String::new(), sections: Vec::new() }
     }
 
     /// A sentence under the title.
@@ -196,11 +178,7 @@ fn write_block(out: &mut String, block: &Block, number: &mut usize) {
             let _ = writeln!(
                 out,
                 "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\">\n{}</div>",
-                escape(if table.title().is_empty() {
-                    "table"
-                } else {
-                    table.title()
-                }),
+                escape(if table.title().is_empty() { "table" } else { table.title() }),
                 table.to_html()
             );
         }
@@ -212,11 +190,7 @@ fn write_block(out: &mut String, block: &Block, number: &mut usize) {
                 .map(|note| format!("<p class=\"bad\">{}</p>", escape(note)))
                 .collect();
             let svg = figure.clone().id(&format!("figure-{number}")).to_svg();
-            let text = if caption.is_empty() {
-                figure.title_text()
-            } else {
-                caption
-            };
+            let text = if caption.is_empty() { figure.title_text() } else { caption };
             let _ = writeln!(
                 out,
                 "<figure>\n<div class=\"plot\" tabindex=\"0\" role=\"group\" aria-label=\"Figure {number}\">\n\
@@ -402,15 +376,9 @@ mod tests {
         );
         let mut table = Table::new(
             "Margins",
-            vec![
-                Column::text("spec"),
-                Column::number("margin", "%", Digits::Decimals(1)),
-            ],
+            vec![Column::text("spec"), Column::number("margin", "%", Digits::Decimals(1))],
         );
-        table.row([
-            Cell::from("roll <phase>"),
-            Cell::from(-3.0).highlight(Highlight::Bad),
-        ]);
+        table.row([Cell::from("roll <phase>"), Cell::from(-3.0).highlight(Highlight::Bad)]);
         Page::new("Report on <this>")
             .summary("all & sundry")
             .section(
@@ -473,10 +441,7 @@ mod tests {
         assert!(html.contains("default-src 'none'"));
         // The only address is the name of the SVG vocabulary.
         let addresses = html.matches("://").count();
-        assert_eq!(
-            addresses,
-            html.matches("http://www.w3.org/2000/svg").count()
-        );
+        assert_eq!(addresses, html.matches("http://www.w3.org/2000/svg").count());
         assert!(!html.contains(" src=") && !html.contains("@import"));
     }
 

@@ -16,11 +16,8 @@ impl Progress {
     #[must_use]
     pub fn new(task: &str, length: u64, quiet: bool) -> Self {
         let visible = !quiet && std::io::stderr().is_terminal();
-        let target = if visible {
-            ProgressDrawTarget::stderr()
-        } else {
-            ProgressDrawTarget::hidden()
-        };
+        let target =
+            if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(length), target);
         // The template is a constant, so that an error in it is caught by the test.
         if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {

@@ -51,10 +51,7 @@ impl Cell {
     /// A cell that says nothing.
     #[must_use]
     pub fn empty() -> Self {
-        Self {
-            content: Content::Empty,
-            highlight: Highlight::Plain,
-        }
+        Self { content: Content::Empty, highlight: Highlight::Plain }
     }
 
     /// The same cell, asking for attention.
@@ -73,19 +70,13 @@ impl From<&str> for Cell {
 
 impl From<String> for Cell {
     fn from(text: String) -> Self {
-        Self {
-            content: Content::Text(text),
-            highlight: Highlight::Plain,
-        }
+        Self { content: Content::Text(text), highlight: Highlight::Plain }
     }
 }
 
 impl From<f64> for Cell {
     fn from(value: f64) -> Self {
-        Self {
-            content: Content::Number(value),
-            highlight: Highlight::Plain,
-        }
+        Self { content: Content::Number(value), highlight: Highlight::Plain }
     }
 }
 
@@ -113,11 +104,7 @@ impl Column {
     /// A column of numbers in `unit`, which may be empty.
     #[must_use]
     pub fn number(name: &str, unit: &str, digits: Digits) -> Self {
-        Self {
-            name: name.to_string(),
-            unit: unit.to_string(),
-            digits,
-        }
+        Self { name: name.to_string(), unit: unit.to_string(), digits }
     }
 }
 
@@ -151,11 +138,7 @@ impl Coloring {
     }
 
     fn decide(terminal: bool, no_color: bool, dumb: bool) -> Self {
-        if terminal && !no_color && !dumb {
-            Self::On
-        } else {
-            Self::Off
-        }
+        if terminal && !no_color && !dumb { Self::On } else { Self::Off }
     }
 }
 
@@ -248,11 +231,7 @@ impl Table {
     /// A table without rows.
     #[must_use]
     pub fn new(title: &str, columns: Vec<Column>) -> Self {
-        Self {
-            title: title.to_string(),
-            columns,
-            rows: Vec::new(),
-        }
+        Self { title: title.to_string(), columns, rows: Vec::new() }
     }
 
     /// Adds a row. Missing cells at its end are empty.
@@ -337,13 +316,7 @@ impl Table {
                     .max()
                     .unwrap_or(0);
                 let side = if numeric { Side::Right } else { Side::Left };
-                Laid {
-                    name: column.name.clone(),
-                    unit: column.unit.clone(),
-                    cells,
-                    width,
-                    side,
-                }
+                Laid { name: column.name.clone(), unit: column.unit.clone(), cells, width, side }
             })
             .collect()
     }
@@ -359,13 +332,9 @@ impl Table {
             out.push_str(&self.title);
             out.push('\n');
         }
-        out.push_str(&line(
-            laid.iter().map(|c| pad(&c.name, c.width, c.side)).collect(),
-        ));
+        out.push_str(&line(laid.iter().map(|c| pad(&c.name, c.width, c.side)).collect()));
         if laid.iter().any(|c| !c.unit.is_empty()) {
-            out.push_str(&line(
-                laid.iter().map(|c| pad(&c.unit, c.width, c.side)).collect(),
-            ));
+            out.push_str(&line(laid.iter().map(|c| pad(&c.unit, c.width, c.side)).collect()));
         }
         out.push_str(&line(laid.iter().map(|c| "─".repeat(c.width)).collect()));
         for (index, row) in self.rows.iter().enumerate() {
@@ -402,20 +371,13 @@ impl Table {
                 }
             })
             .collect();
-        let columns: Vec<Vec<String>> = laid
-            .iter()
-            .map(|c| c.cells.iter().map(|t| escape(t)).collect())
-            .collect();
+        let columns: Vec<Vec<String>> =
+            laid.iter().map(|c| c.cells.iter().map(|t| escape(t)).collect()).collect();
         let widths: Vec<usize> = headers
             .iter()
             .zip(&columns)
             .map(|(h, cells)| {
-                cells
-                    .iter()
-                    .map(|c| c.width())
-                    .chain([h.width(), 3])
-                    .max()
-                    .unwrap_or(3)
+                cells.iter().map(|c| c.width()).chain([h.width(), 3]).max().unwrap_or(3)
             })
             .collect();
         let mut out = String::new();
@@ -467,11 +429,7 @@ impl Table {
             } else {
                 format!(" <span class=\"unit\">{}</span>", escape(&c.unit))
             };
-            out.push_str(&format!(
-                "<th scope=\"col\"{}>{}{unit}</th>",
-                side(c),
-                escape(&c.name)
-            ));
+            out.push_str(&format!("<th scope=\"col\"{}>{}{unit}</th>", side(c), escape(&c.name)));
         }
         out.push_str("</tr></thead>\n<tbody>\n");
         for (index, row) in self.rows.iter().enumerate() {
@@ -595,10 +553,7 @@ hover          3.41   74.88   converged
     fn wide_characters_keep_the_columns_straight() {
         let mut table = Table::new(
             "",
-            vec![
-                Column::text("name"),
-                Column::number("x", "m²", Digits::Decimals(1)),
-            ],
+            vec![Column::text("name"), Column::number("x", "m²", Digits::Decimals(1))],
         );
         table.row([Cell::from("双旋翼"), Cell::from(1.0)]);
         table.row([Cell::from("e\u{301}"), Cell::from(-10.0)]);
@@ -621,10 +576,7 @@ hover          3.41   74.88   converged
         for code in ["\u{1b}[31m", "\u{1b}[32m", "\u{1b}[33m", "\u{1b}[0m"] {
             stripped = stripped.replace(code, "");
         }
-        let trimmed: String = stripped
-            .lines()
-            .map(|l| l.trim_end().to_string() + "\n")
-            .collect();
+        let trimmed: String = stripped.lines().map(|l| l.trim_end().to_string() + "\n").collect();
         assert_eq!(trimmed, plain);
         assert_eq!(Coloring::decide(true, false, false), Coloring::On);
         assert_eq!(Coloring::decide(true, true, false), Coloring::Off);
@@ -636,10 +588,7 @@ hover          3.41   74.88   converged
     fn markdown_and_csv() {
         let mut table = Table::new(
             "",
-            vec![
-                Column::text("spec"),
-                Column::number("margin", "%", Digits::Decimals(1)),
-            ],
+            vec![Column::text("spec"), Column::number("margin", "%", Digits::Decimals(1))],
         );
         table.row([Cell::from("a|b"), Cell::from(12.345678901)]);
         table.row([Cell::from("say \"x, y\""), Cell::from(-0.0)]);

@@ -68,8 +68,7 @@ impl<'a> Shooting<'a> {
             }
         }
         let free: Vec<usize> = (0..vehicle.state_count()).filter(|&k| !held[k]).collect();
-        let mut scales: Vec<f64> =
-            free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
+        let mut scales: Vec<f64> = free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
         scales.extend(stick_scales(vehicle));
         Self { vehicle, condition, method, steps, free, fixed, scales }
     }

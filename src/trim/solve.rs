@@ -362,8 +362,7 @@ pub fn trim(
         } else {
             failure(&shooting, vehicle, &solution)
         };
-        let mut point =
-            report(&shooting, &solution.x, vehicle, condition, status, steps, error);
+        let mut point = report(&shooting, &solution.x, vehicle, condition, status, steps, error);
         point.iterations = iterations;
         point.history = history;
         return point;

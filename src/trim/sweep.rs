@@ -45,8 +45,7 @@ pub fn sweep(
             [] => trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options),
         };
         if !point.on_orbit() && !good.is_empty() {
-            let again =
-                trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options);
+            let again = trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options);
             if again.on_orbit() {
                 point = again;
             }

@@ -29,8 +29,9 @@ use atmosphere::{Air, STANDARD_GRAVITY};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
-use interference::{DiskGeometry, Interference, PointGeometry, PointWash};
+use interference::{DiskGeometry, Interference, PointWash};
 pub use layout::{Layout, RotorStates};
+use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
 use wing::{UnwashedLoads, Wing};
 
@@ -211,9 +212,9 @@ impl Vehicle {
                 let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
                 let geometry = DiskGeometry {
                     source_radius: source.radius,
-                    offset: unmirrored(source, &receiver.position_body),
                     receiver_radius: receiver.radius,
-                    receiver_axis: axis_in(source, receiver),
+                    offset: unmirrored(source, &receiver.position_body).into(),
+                    receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
                     receiver_mirrored: receiver.frame.handedness < 0.0,
                 };
@@ -240,17 +241,16 @@ impl Vehicle {
             self.rotors
                 .par_iter()
                 .map(|source| {
-                    let geometry = PointGeometry {
-                        source_radius: source.radius,
-                        point: unmirrored(source, point),
-                        source_mirrored: source.frame.handedness < 0.0,
-                    };
-                    PointWash::new(&geometry, self.inflow.wash_core).map_err(|error| {
-                        VehicleError::Interference {
-                            source_rotor: source.name.clone(),
-                            receiver: receiver.to_owned(),
-                            message: error.to_string(),
-                        }
+                    PointWash::new(
+                        source.radius,
+                        &unmirrored(source, point).into(),
+                        self.inflow.wash_core,
+                        source.frame.handedness < 0.0,
+                    )
+                    .map_err(|error| VehicleError::Interference {
+                        source_rotor: source.name.clone(),
+                        receiver: receiver.to_owned(),
+                        message: error.to_string(),
                     })
                 })
                 .collect()
@@ -590,7 +590,7 @@ impl Vehicle {
             let rotor = &self.rotors[source];
             let wake = &work.wake[source];
             let [xc, xs] = wake.skew;
-            let (value, by_x, by_y) = table.evaluate_with_partials([-xc.value(), xs.value()]);
+            let [value, by_x, by_y] = table.evaluate_with_partials([-xc.value(), xs.value()]);
             let strength = wake.circulation.map(S::value);
             let dot = |w: &[f64; 3]| w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2];
             let down = S::chain(
@@ -781,20 +781,24 @@ fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3
     let strength = wake.circulation.map(S::value);
     let place = [-xc.value(), xs.value()];
     let inputs = [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
-    let dot = |row: &[f64; 3]| {
-        ratio * (row[0] * strength[0] + row[1] * strength[1] + row[2] * strength[2])
+    let dot = |gain: &HubAxes<f64>, k: usize| {
+        ratio
+            * (gain[(k, 0)] * strength[0] + gain[(k, 1)] * strength[1] + gain[(k, 2)] * strength[2])
     };
     if S::TANGENTS == 0 {
-        return table.evaluate(place).map(|row| S::constant(dot(&row)));
+        let gain = table.evaluate(place);
+        return [0, 1, 2].map(|k| S::constant(dot(&gain, k)));
     }
     let (gain, by_x, by_y) = table.evaluate_with_partials(place);
     [0, 1, 2].map(|k| {
-        let row = gain[k];
-        S::chain(
-            dot(&row),
-            &[-dot(&by_x[k]), dot(&by_y[k]), ratio * row[0], ratio * row[1], ratio * row[2]],
-            &inputs,
-        )
+        let partials = [
+            -dot(&by_x, k),
+            dot(&by_y, k),
+            ratio * gain[(k, 0)],
+            ratio * gain[(k, 1)],
+            ratio * gain[(k, 2)],
+        ];
+        S::chain(dot(&gain, k), &partials, &inputs)
     })
 }
 
@@ -807,11 +811,18 @@ fn unmirrored(rotor: &Rotor, point_body: &[f64; 3]) -> [f64; 3] {
     seen
 }
 
-/// Shaft axis (down) of a receiver in the source's unmirrored hub frame.
-fn axis_in(source: &Rotor, receiver: &Rotor) -> [f64; 3] {
-    let mut axis = Vec3(receiver.frame.polar[2]).rotated(&source.frame.polar).0;
-    axis[1] *= source.frame.handedness;
-    axis
+/// Hub axes of a receiver in the source's unmirrored hub frame, as columns.
+fn axes_in(source: &Rotor, receiver: &Rotor) -> HubAxes<f64> {
+    let mut axes = HubAxes::zeros();
+    for (column, axis) in receiver.frame.polar.iter().enumerate() {
+        let mut seen = Vec3(*axis).rotated(&source.frame.polar).0;
+        seen[1] *= source.frame.handedness;
+        let sign = if column == 1 { receiver.frame.handedness } else { 1.0 };
+        for (row, value) in seen.iter().enumerate() {
+            axes[(row, column)] = sign * value;
+        }
+    }
+    axes
 }
 
 /// Slowest rotor speed (rad/s) and the shortest time (s) in which every rotor

@@ -59,10 +59,7 @@ impl Axis {
     /// A linear axis of degrees, with ticks at 15, 30, 45 or 90 when they are that far apart.
     #[must_use]
     pub fn degrees(label: &str) -> Self {
-        Self {
-            circular: true,
-            ..Self::new(label, "deg", Scale::Linear)
-        }
+        Self { circular: true, ..Self::new(label, "deg", Scale::Linear) }
     }
 
     /// Named places at 0, 1, 2, ...
@@ -185,11 +182,7 @@ impl Axis {
                         label: TickLabel::Plain(name.clone()),
                     })
                     .collect();
-                Ticks {
-                    major,
-                    minor: Vec::new(),
-                    exponent: 0,
-                }
+                Ticks { major, minor: Vec::new(), exponent: 0 }
             }
         }
     }
@@ -281,11 +274,7 @@ fn step_for(span: f64, most: usize, circular: bool) -> (f64, i32) {
 
 fn linear_ticks(low: f64, high: f64, most: usize, circular: bool) -> Ticks {
     let span = high - low;
-    let none = Ticks {
-        major: Vec::new(),
-        minor: Vec::new(),
-        exponent: 0,
-    };
+    let none = Ticks { major: Vec::new(), minor: Vec::new(), exponent: 0 };
     if !(span > 0.0 && span.is_finite()) {
         return none;
     }
@@ -302,16 +291,8 @@ fn linear_ticks(low: f64, high: f64, most: usize, circular: bool) -> Ticks {
         .map(|i| decimal(first + i as f64, mantissa, exponent) + 0.0)
         .collect();
     let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let magnitude = if largest > 0.0 {
-        largest.log10().floor() as i32
-    } else {
-        0
-    };
-    let shift = if (-3..=4).contains(&magnitude) {
-        0
-    } else {
-        magnitude.div_euclid(3) * 3
-    };
+    let magnitude = if largest > 0.0 { largest.log10().floor() as i32 } else { 0 };
+    let shift = if (-3..=4).contains(&magnitude) { 0 } else { magnitude.div_euclid(3) * 3 };
     let decimals = usize::try_from((shift - exponent).max(0)).unwrap_or(0);
     let major = values
         .into_iter()
@@ -320,27 +301,17 @@ fn linear_ticks(low: f64, high: f64, most: usize, circular: bool) -> Ticks {
             label: TickLabel::Plain(typographic(&fixed(decimal(value, 1.0, -shift), decimals))),
         })
         .collect();
-    Ticks {
-        major,
-        minor: Vec::new(),
-        exponent: shift,
-    }
+    Ticks { major, minor: Vec::new(), exponent: shift }
 }
 
 fn log_ticks(low: f64, high: f64, most: usize) -> Ticks {
     if !(low > 0.0 && high > low && high.is_finite()) {
-        return Ticks {
-            major: Vec::new(),
-            minor: Vec::new(),
-            exponent: 0,
-        };
+        return Ticks { major: Vec::new(), minor: Vec::new(), exponent: 0 };
     }
     let slack = 1.0 + 1e-9;
     let inside = |v: f64| v >= low / slack && v <= high * slack;
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    let decades: Vec<i32> = (first..=last)
-        .filter(|&e| inside(power_of_ten(e)))
-        .collect();
+    let decades: Vec<i32> = (first..=last).filter(|&e| inside(power_of_ten(e))).collect();
     let marks = |mantissas: &[f64]| -> Vec<(f64, i32)> {
         (first..=last)
             .flat_map(|e| mantissas.iter().map(move |&m| (decimal(1.0, m, e), e)))
@@ -352,28 +323,14 @@ fn log_ticks(low: f64, high: f64, most: usize) -> Ticks {
         let major = decades
             .iter()
             .filter(|e| e.rem_euclid(stride) == 0)
-            .map(|&e| Tick {
-                value: power_of_ten(e),
-                label: TickLabel::Decade(e),
-            })
+            .map(|&e| Tick { value: power_of_ten(e), label: TickLabel::Decade(e) })
             .collect();
         let minor = if stride == 1 {
-            marks(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
-                .into_iter()
-                .map(|(v, _)| v)
-                .collect()
+            marks(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).into_iter().map(|(v, _)| v).collect()
         } else {
-            decades
-                .iter()
-                .filter(|e| e.rem_euclid(stride) != 0)
-                .map(|&e| power_of_ten(e))
-                .collect()
+            decades.iter().filter(|e| e.rem_euclid(stride) != 0).map(|&e| power_of_ten(e)).collect()
         };
-        return Ticks {
-            major,
-            minor,
-            exponent: 0,
-        };
+        return Ticks { major, minor, exponent: 0 };
     }
     // Less than a decade and a half: label 1, 2 and 5 in plain numbers, and
     // ordinary ticks where not even two of those are in sight.
@@ -392,15 +349,8 @@ fn log_ticks(low: f64, high: f64, most: usize) -> Ticks {
             },
         })
         .collect();
-    let minor = marks(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0])
-        .into_iter()
-        .map(|(v, _)| v)
-        .collect();
-    Ticks {
-        major,
-        minor,
-        exponent: 0,
-    }
+    let minor = marks(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]).into_iter().map(|(v, _)| v).collect();
+    Ticks { major, minor, exponent: 0 }
 }
 
 #[cfg(test)]
@@ -443,16 +393,10 @@ mod tests {
 
     #[test]
     fn log_axes_label_decades_or_one_two_five() {
-        assert_eq!(
-            labels(&log_ticks(0.05, 200.0, 8)),
-            ["10^-1", "10^0", "10^1", "10^2"]
-        );
+        assert_eq!(labels(&log_ticks(0.05, 200.0, 8)), ["10^-1", "10^0", "10^1", "10^2"]);
         assert_eq!(labels(&log_ticks(0.9, 11.0, 8)), ["1", "2", "5", "10"]);
         assert_eq!(labels(&log_ticks(0.1, 0.5, 8)), ["0.1", "0.2", "0.5"]);
-        assert_eq!(
-            labels(&log_ticks(2.1, 2.9, 5)),
-            ["2.2", "2.4", "2.6", "2.8"]
-        );
+        assert_eq!(labels(&log_ticks(2.1, 2.9, 5)), ["2.2", "2.4", "2.6", "2.8"]);
         let wide = log_ticks(1e-12, 1e12, 8);
         assert!(wide.major.len() <= 8 && wide.major.len() >= 4);
         assert!(wide.major.iter().any(|t| t.label == TickLabel::Decade(0)));
@@ -464,21 +408,14 @@ mod tests {
         let (low, high) = axis.resolve(Some((75.0, 75.0 + 1e-12))).unwrap();
         assert!(high - low > 10.0, "{low} {high}");
         assert_eq!(axis.resolve(Some((0.0, 0.0))), Some((-1.0, 1.0)));
-        let (low, high) = axis
-            .clone()
-            .minimum_span(2.0)
-            .resolve(Some((0.0, 1e-3)))
-            .unwrap();
+        let (low, high) = axis.clone().minimum_span(2.0).resolve(Some((0.0, 1e-3))).unwrap();
         assert!((high - low - 2.0).abs() < 1e-12);
     }
 
     #[test]
     fn an_axis_refuses_what_it_cannot_show() {
         assert_eq!(Axis::log("f", "").range(0.0, 1.0).resolve(None), None);
-        assert_eq!(
-            Axis::linear("f", "").range(f64::NAN, 1.0).resolve(None),
-            None
-        );
+        assert_eq!(Axis::linear("f", "").range(f64::NAN, 1.0).resolve(None), None);
         assert!(!Axis::log("f", "").accepts(-1.0));
     }
 

@@ -2,14 +2,12 @@
 
 /// Series colours on a light ground: those of Okabe and Ito (2008), in the
 /// order of their contrast, with grey for their yellow, which vanishes on white.
-pub const LIGHT_PALETTE: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#a6568a", "#e69f00", "#3f9bd6", "#222222", "#7a7a7a",
-];
+pub const LIGHT_PALETTE: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#a6568a", "#e69f00", "#3f9bd6", "#222222", "#7a7a7a"];
 
 /// The same hues, lightened for a dark ground.
-pub const DARK_PALETTE: [&str; 8] = [
-    "#4aa8e0", "#f0803c", "#35c79c", "#dd93bf", "#f2b83b", "#8fd0f5", "#e8e8e8", "#a0a0a0",
-];
+pub const DARK_PALETTE: [&str; 8] =
+    ["#4aa8e0", "#f0803c", "#35c79c", "#dd93bf", "#f2b83b", "#8fd0f5", "#e8e8e8", "#a0a0a0"];
 
 /// Roles of colour besides the series: name, light, dark.
 pub(super) const ROLES: [(&str, &str, &str); 7] = [
@@ -24,10 +22,7 @@ pub(super) const ROLES: [(&str, &str, &str); 7] = [
 
 /// The light colour of a role.
 pub(super) fn role(name: &str) -> &'static str {
-    ROLES
-        .iter()
-        .find(|r| r.0 == name)
-        .map_or("#000000", |r| r.1)
+    ROLES.iter().find(|r| r.0 == name).map_or("#000000", |r| r.1)
 }
 
 /// The CSS variables that [`STYLESHEET`] uses, with light or dark values.
@@ -36,10 +31,7 @@ pub(in crate::report) fn variables(dark: bool) -> String {
         .iter()
         .map(|&(name, light, night)| format!("--cx-{name}:{}", if dark { night } else { light }));
     let palette = if dark { DARK_PALETTE } else { LIGHT_PALETTE };
-    let series = palette
-        .iter()
-        .enumerate()
-        .map(|(i, color)| format!("--cx-{i}:{color}"));
+    let series = palette.iter().enumerate().map(|(i, color)| format!("--cx-{i}:{color}"));
     roles.chain(series).collect::<Vec<_>>().join(";")
 }
 
@@ -99,11 +91,7 @@ pub fn sequential_color(fraction: f64) -> [u8; 3] {
 pub(super) fn luminance(rgb: [u8; 3]) -> f64 {
     let linear = rgb.map(|c| {
         let c = f64::from(c) / 255.0;
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
     });
     0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 }
@@ -122,9 +110,8 @@ mod tests {
 
     #[test]
     fn lightness_of_the_sequential_map_rises() {
-        let values: Vec<f64> = (0..=100)
-            .map(|i| luminance(sequential_color(f64::from(i) / 100.0)))
-            .collect();
+        let values: Vec<f64> =
+            (0..=100).map(|i| luminance(sequential_color(f64::from(i) / 100.0))).collect();
         assert!(values.windows(2).all(|w| w[1] > w[0] - 1e-3));
         assert!(values[100] - values[0] > 0.7);
     }
@@ -158,14 +145,8 @@ mod tests {
         assert_eq!(STYLESHEET.matches(&variables(false)).count(), 2);
         assert_eq!(STYLESHEET.matches(&variables(true)).count(), 1);
         for (name, light, dark) in ROLES {
-            assert_eq!(
-                STYLESHEET.matches(&format!("--cx-{name}:{light}")).count(),
-                2
-            );
-            assert_eq!(
-                STYLESHEET.matches(&format!("--cx-{name}:{dark}")).count(),
-                1
-            );
+            assert_eq!(STYLESHEET.matches(&format!("--cx-{name}:{light}")).count(), 2);
+            assert_eq!(STYLESHEET.matches(&format!("--cx-{name}:{dark}")).count(), 1);
         }
     }
 }

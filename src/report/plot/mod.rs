@@ -96,10 +96,7 @@ impl Series {
             Some(_) => Vec::new(),
             None => x.iter().zip(y).map(|(&x, &y)| [x, y]).collect(),
         };
-        Self {
-            mismatch,
-            ..Self::from_points(label, points)
-        }
+        Self { mismatch, ..Self::from_points(label, points) }
     }
 
     /// A line through `points`.
@@ -250,14 +247,7 @@ impl Panel {
     /// An empty panel.
     #[must_use]
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self {
-            title: String::new(),
-            x,
-            y,
-            items: Vec::new(),
-            heatmap: None,
-            equal_aspect: false,
-        }
+        Self { title: String::new(), x, y, items: Vec::new(), heatmap: None, equal_aspect: false }
     }
 
     /// Title above the panel.
@@ -277,32 +267,21 @@ impl Panel {
     /// A reference line at `y = value`. It widens the range to be seen.
     #[must_use]
     pub fn horizontal_line(mut self, value: f64, label: &str) -> Self {
-        self.items.push(Item::HorizontalLine {
-            value,
-            label: label.to_string(),
-        });
+        self.items.push(Item::HorizontalLine { value, label: label.to_string() });
         self
     }
 
     /// A reference line at `x = value`. It widens the range to be seen.
     #[must_use]
     pub fn vertical_line(mut self, value: f64, label: &str) -> Self {
-        self.items.push(Item::VerticalLine {
-            value,
-            label: label.to_string(),
-        });
+        self.items.push(Item::VerticalLine { value, label: label.to_string() });
         self
     }
 
     /// Shades a rectangle. Bounds may be infinite, and do not widen the range.
     #[must_use]
     pub fn band(mut self, x: (f64, f64), y: (f64, f64), tone: Tone, label: &str) -> Self {
-        self.items.push(Item::Band {
-            label: label.to_string(),
-            tone,
-            x,
-            y,
-        });
+        self.items.push(Item::Band { label: label.to_string(), tone, x, y });
         self
     }
 
@@ -377,21 +356,14 @@ impl Panel {
     /// of constant damping. It does not widen the range.
     #[must_use]
     pub fn guide(mut self, points: &[[f64; 2]], label: &str) -> Self {
-        self.items.push(Item::Guide {
-            points: points.to_vec(),
-            label: label.to_string(),
-        });
+        self.items.push(Item::Guide { points: points.to_vec(), label: label.to_string() });
         self
     }
 
     /// Text beside a point. It does not widen the range.
     #[must_use]
     pub fn text(mut self, x: f64, y: f64, text: &str, anchor: Anchor) -> Self {
-        self.items.push(Item::Text {
-            at: [x, y],
-            text: text.to_string(),
-            anchor,
-        });
+        self.items.push(Item::Text { at: [x, y], text: text.to_string(), anchor });
         self
     }
 
@@ -438,12 +410,7 @@ impl Panel {
             }
         }
         for item in &self.items {
-            if let Item::Region {
-                label,
-                problem: Some(problem),
-                ..
-            } = item
-            {
+            if let Item::Region { label, problem: Some(problem), .. } = item {
                 notes.push(format!("{label}: {problem}"));
             }
         }
@@ -458,21 +425,13 @@ impl Panel {
         }
         for series in self.series() {
             if let Some((x, y)) = series.mismatch {
-                notes.push(format!(
-                    "{}: not drawn, {x} abscissae but {y} ordinates",
-                    series.label
-                ));
+                notes.push(format!("{}: not drawn, {x} abscissae but {y} ordinates", series.label));
                 continue;
             }
-            let finite: Vec<_> = series
-                .points
-                .iter()
-                .filter(|p| p[0].is_finite() && p[1].is_finite())
-                .collect();
-            let shown = finite
-                .iter()
-                .filter(|p| self.x.accepts(p[0]) && self.y.accepts(p[1]))
-                .count();
+            let finite: Vec<_> =
+                series.points.iter().filter(|p| p[0].is_finite() && p[1].is_finite()).collect();
+            let shown =
+                finite.iter().filter(|p| self.x.accepts(p[0]) && self.y.accepts(p[1])).count();
             if finite.is_empty() {
                 notes.push(format!("{}: no data", series.label));
             } else if shown < finite.len() {

@@ -145,12 +145,9 @@ pub(super) fn clip_segment(frame: &Frame, a: [f64; 2], b: [f64; 2]) -> Option<[[
 pub(super) fn clip_polygon(frame: &Frame, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut points = polygon.to_vec();
     // (axis, bound, sign): inside where sign * (p[axis] - bound) >= 0.
-    for (axis, bound, sign) in [
-        (0, frame.x, 1.0),
-        (0, frame.right(), -1.0),
-        (1, frame.y, 1.0),
-        (1, frame.bottom(), -1.0),
-    ] {
+    for (axis, bound, sign) in
+        [(0, frame.x, 1.0), (0, frame.right(), -1.0), (1, frame.y, 1.0), (1, frame.bottom(), -1.0)]
+    {
         let inside = |p: &[f64; 2]| sign * (p[axis] - bound) >= 0.0;
         let mut kept = Vec::with_capacity(points.len() + 4);
         for i in 0..points.len() {
@@ -158,10 +155,7 @@ pub(super) fn clip_polygon(frame: &Frame, polygon: &[[f64; 2]]) -> Vec<[f64; 2]>
             let to = points[i];
             if inside(&from) != inside(&to) {
                 let t = (bound - from[axis]) / (to[axis] - from[axis]);
-                let mut cut = [
-                    from[0] + t * (to[0] - from[0]),
-                    from[1] + t * (to[1] - from[1]),
-                ];
+                let mut cut = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
                 cut[axis] = bound;
                 kept.push(cut);
             }
@@ -244,11 +238,8 @@ pub(super) fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 
 /// The `d` attribute of a closed polygon cut to `frame`.
 pub(super) fn polygon(frame: &Frame, points: &[[f64; 2]]) -> String {
-    let finite: Vec<[f64; 2]> = points
-        .iter()
-        .copied()
-        .filter(|p| p[0].is_finite() && p[1].is_finite())
-        .collect();
+    let finite: Vec<[f64; 2]> =
+        points.iter().copied().filter(|p| p[0].is_finite() && p[1].is_finite()).collect();
     let inside = clip_polygon(frame, &finite);
     let mut d = String::new();
     for (i, p) in inside.iter().enumerate() {
@@ -266,12 +257,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FRAME: Frame = Frame {
-        x: 0.0,
-        y: 0.0,
-        width: 100.0,
-        height: 50.0,
-    };
+    const FRAME: Frame = Frame { x: 0.0, y: 0.0, width: 100.0, height: 50.0 };
 
     #[test]
     fn a_segment_is_cut_at_its_true_slope_and_not_clamped() {
@@ -304,12 +290,7 @@ mod tests {
     #[test]
     fn thinning_keeps_every_peak_and_every_gap() {
         let mut points: Vec<[f64; 2]> = (0..50_000)
-            .map(|i| {
-                [
-                    f64::from(i) * 0.002,
-                    25.0 + 5.0 * (f64::from(i) * 0.01).sin(),
-                ]
-            })
+            .map(|i| [f64::from(i) * 0.002, 25.0 + 5.0 * (f64::from(i) * 0.01).sin()])
             .collect();
         points[12_345][1] = 49.0;
         points[23_456][1] = 1.0;
@@ -348,16 +329,8 @@ mod tests {
 
     #[test]
     fn a_gap_lifts_the_pen() {
-        let d = polyline(
-            &FRAME,
-            &[
-                [1.0, 1.0],
-                [2.0, 2.0],
-                [f64::NAN, 3.0],
-                [4.0, 4.0],
-                [5.0, 5.0],
-            ],
-        );
+        let d =
+            polyline(&FRAME, &[[1.0, 1.0], [2.0, 2.0], [f64::NAN, 3.0], [4.0, 4.0], [5.0, 5.0]]);
         assert_eq!(d, "M1.00 1.00L2.00 2.00M4.00 4.00L5.00 5.00");
     }
 

@@ -43,32 +43,23 @@ fn attribute<'a>(e: &'a (String, Vec<(String, String)>), name: &str) -> Option<&
 }
 
 fn sample() -> Figure {
-    let x: Vec<f64> = (0..50)
-        .map(|i| 0.1 * 10f64.powf(f64::from(i) * 0.06))
-        .collect();
+    let x: Vec<f64> = (0..50).map(|i| 0.1 * 10f64.powf(f64::from(i) * 0.06)).collect();
     let y: Vec<f64> = x.iter().map(|x| -20.0 * x.log10()).collect();
     Figure::new("a < b & \"c\"")
         .columns(2)
         .panel(
-            Panel::new(
-                Axis::log("frequency", "rad/s"),
-                Axis::linear("magnitude", "dB"),
-            )
-            .title("q <- δ")
-            .line(Series::new("one & only", &x, &y).style(1).marks())
-            .horizontal_line(-3.0, "−3 dB")
-            .vertical_line(2.0, "ω")
-            .vertical_band(5.0, f64::INFINITY, Tone::Neutral, "not valid")
-            .text(1.0, 0.0, "a < b", Anchor::Above),
+            Panel::new(Axis::log("frequency", "rad/s"), Axis::linear("magnitude", "dB"))
+                .title("q <- δ")
+                .line(Series::new("one & only", &x, &y).style(1).marks())
+                .horizontal_line(-3.0, "−3 dB")
+                .vertical_line(2.0, "ω")
+                .vertical_band(5.0, f64::INFINITY, Tone::Neutral, "not valid")
+                .text(1.0, 0.0, "a < b", Anchor::Above),
         )
         .panel(
             Panel::new(Axis::linear("re", ""), Axis::linear("im", ""))
                 .equal_aspect()
-                .polygon(
-                    &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
-                    Tone::Forbidden,
-                    "keep out",
-                )
+                .polygon(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], Tone::Forbidden, "keep out")
                 .guide(&[[0.0, 0.0], [2.0, 2.0]], "ζ 0.7")
                 .line(Series::from_points("cloud", vec![[0.2, 0.3], [3.0, 1.0]]).scatter()),
         )
@@ -100,10 +91,7 @@ fn the_output_is_well_formed_xml_with_its_texts() {
 #[test]
 fn the_same_figure_gives_the_same_bytes() {
     assert_eq!(sample().to_svg(), sample().to_svg());
-    assert_ne!(
-        sample().to_svg(),
-        sample().panel_size(200.0, 100.0).to_svg()
-    );
+    assert_ne!(sample().to_svg(), sample().panel_size(200.0, 100.0).to_svg());
 }
 
 #[test]
@@ -125,11 +113,8 @@ fn nothing_to_draw_is_said() {
 
     // A fixed range does not turn missing data into an empty plot.
     let fixed = Figure::new("t").panel(
-        Panel::new(
-            Axis::linear("x", "").range(0.0, 1.0),
-            Axis::linear("y", "").range(0.0, 1.0),
-        )
-        .horizontal_line(0.5, "limit"),
+        Panel::new(Axis::linear("x", "").range(0.0, 1.0), Axis::linear("y", "").range(0.0, 1.0))
+            .horizontal_line(0.5, "limit"),
     );
     assert!(fixed.to_svg().contains(">no data</text>"));
 }
@@ -212,11 +197,8 @@ fn curves_leave_the_frame_at_their_slope() {
     // A line that shoots through a fixed range: its drawn part keeps its slope
     // and no part of it lies along the frame.
     let figure = Figure::new("t").legend(Legend::Hidden).panel(
-        Panel::new(
-            Axis::linear("x", "").range(0.0, 1.0),
-            Axis::linear("y", "").range(0.0, 1.0),
-        )
-        .line(Series::new("", &[-1e12, 1e12], &[-1e12, 1e12])),
+        Panel::new(Axis::linear("x", "").range(0.0, 1.0), Axis::linear("y", "").range(0.0, 1.0))
+            .line(Series::new("", &[-1e12, 1e12], &[-1e12, 1e12])),
     );
     let points = path_points(&figure.to_svg());
     assert_eq!(points.len(), 2);
@@ -240,13 +222,11 @@ fn a_unit_is_equally_long_on_both_axes() {
 
 #[test]
 fn a_shared_axis_shows_one_range_and_labels_once() {
-    let panel = |x: [f64; 2]| {
-        Panel::new(
-            Axis::linear("airspeed", "kt").tight(),
-            Axis::linear("y", ""),
-        )
-        .line(Series::new("s", &x, &[0.0, 1.0]))
-    };
+    let panel =
+        |x: [f64; 2]| {
+            Panel::new(Axis::linear("airspeed", "kt").tight(), Axis::linear("y", ""))
+                .line(Series::new("s", &x, &[0.0, 1.0]))
+        };
     let figure = Figure::new("t")
         .share_x()
         .legend(Legend::Hidden)
@@ -310,23 +290,15 @@ fn text_is_given_enough_room() {
     // airspeed 556+222+333+500+556+556+556+556, -180.5 584+4*556+278 in all.
     assert!(text_width("airspeed", 1.0) >= 3.835);
     assert!(text_width("−180.5", 1.0) >= 3.086);
-    let frame = Frame {
-        x: 0.0,
-        y: 0.0,
-        width: 1.0,
-        height: 1.0,
-    };
+    let frame = Frame { x: 0.0, y: 0.0, width: 1.0, height: 1.0 };
     assert!(frame.contains([1.0, 0.0]) && !frame.contains([1.1, 0.0]));
 }
 
 #[test]
 fn subscripts_are_set_and_stripped_from_hover_texts() {
     let figure = Figure::new("t").panel(
-        Panel::new(
-            Axis::linear("x", ""),
-            Axis::linear("K_{P} & more", "1/s^{2}"),
-        )
-        .line(Series::new("K_{I}, b_c", &[0.0, 1.0], &[0.0, 1.0])),
+        Panel::new(Axis::linear("x", ""), Axis::linear("K_{P} & more", "1/s^{2}"))
+            .line(Series::new("K_{I}, b_c", &[0.0, 1.0], &[0.0, 1.0])),
     );
     let svg = figure.to_svg();
     parse(&svg);

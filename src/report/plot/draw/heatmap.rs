@@ -11,13 +11,8 @@ use super::panel::Artist;
 
 impl Artist<'_> {
     pub(super) fn cells(&mut self, map: &Heatmap, to_x: &Map, to_y: &Map) {
-        let finite: Vec<f64> = map
-            .values
-            .iter()
-            .flatten()
-            .copied()
-            .filter(|v| v.is_finite())
-            .collect();
+        let finite: Vec<f64> =
+            map.values.iter().flatten().copied().filter(|v| v.is_finite()).collect();
         let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
         let high = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (low, high) = if finite.is_empty() {
@@ -58,24 +53,15 @@ impl Artist<'_> {
                 } else {
                     "#111111"
                 };
-                let size = TICK_SIZE
-                    .min(0.55 * (y1 - y0))
-                    .min(0.9 * (x1 - x0) / text_width(&number, 1.0));
-                let emphasis = if below {
-                    " font-weight=\"700\" text-decoration=\"underline\""
-                } else {
-                    ""
-                };
+                let size =
+                    TICK_SIZE.min(0.55 * (y1 - y0)).min(0.9 * (x1 - x0) / text_width(&number, 1.0));
+                let emphasis =
+                    if below { " font-weight=\"700\" text-decoration=\"underline\"" } else { "" };
                 let hover = format!(
                     "{}, {}{} {}: {number} {}",
                     name(&self.panel.y.scale, row),
                     self.panel.x.label,
-                    if self.panel.x.label.is_empty() {
-                        ""
-                    } else {
-                        " "
-                    }
-                    .to_string()
+                    if self.panel.x.label.is_empty() { "" } else { " " }.to_string()
                         + &name(&self.panel.x.scale, column),
                     self.panel.x.unit,
                     map.label,
@@ -116,13 +102,7 @@ impl Artist<'_> {
     fn color_bar(&mut self, map: &Heatmap, low: f64, high: f64) {
         let f = self.frame;
         let (x, width) = (f.right() + 14.0, 11.0);
-        let bar = Map {
-            low,
-            high,
-            log: false,
-            start: f.bottom(),
-            end: f.y,
-        };
+        let bar = Map { low, high, log: false, start: f.bottom(), end: f.y };
         let steps = 48;
         for i in 0..steps {
             let top = f.y + f.height * f64::from(i) / f64::from(steps);

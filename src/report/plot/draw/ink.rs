@@ -25,16 +25,8 @@ pub(super) const MOST_MARKS: usize = 400;
 /// Stands for the figure's identifier until its contents are known.
 pub(super) const ID: &str = "\u{1}";
 
-pub(super) const DASHES: [&str; STYLE_COUNT] = [
-    "",
-    "7 3.2",
-    "1.8 2.6",
-    "8 3 1.8 3",
-    "3.6 2.2",
-    "10 3 1.8 2.6 1.8 3",
-    "13 4",
-    "1.2 4",
-];
+pub(super) const DASHES: [&str; STYLE_COUNT] =
+    ["", "7 3.2", "1.8 2.6", "8 3 1.8 3", "3.6 2.2", "10 3 1.8 2.6 1.8 3", "13 4", "1.2 4"];
 
 pub(super) const FONTS: &str =
     "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
@@ -114,11 +106,7 @@ pub(super) fn runs(label: &str) -> Vec<(&str, f64)> {
         let Some(length) = rest[at..].find('}') else {
             break;
         };
-        let shift = if rest[at..].starts_with('_') {
-            3.0
-        } else {
-            -4.0
-        };
+        let shift = if rest[at..].starts_with('_') { 3.0 } else { -4.0 };
         found.push((&rest[..at], 0.0));
         found.push((&rest[at + 2..at + length], shift));
         rest = &rest[at + length + 1..];
@@ -138,17 +126,10 @@ pub(super) fn rich(label: &str, size: f64) -> String {
         // Some viewers drop a blank at the start of a run: move instead.
         let blank = dy != 0.0 && run.starts_with(' ');
         let words = escape(if blank { &run[1..] } else { run });
-        let dx = if blank {
-            format!(" dx=\"{}\"", px(0.3 * size))
-        } else {
-            String::new()
-        };
+        let dx = if blank { format!(" dx=\"{}\"", px(0.3 * size)) } else { String::new() };
         let _ = if shift != 0.0 {
             let small = px(0.75 * size);
-            write!(
-                out,
-                "<tspan dy=\"{dy}\"{dx} font-size=\"{small}\">{words}</tspan>"
-            )
+            write!(out, "<tspan dy=\"{dy}\"{dx} font-size=\"{small}\">{words}</tspan>")
         } else if dy != 0.0 {
             write!(out, "<tspan dy=\"{dy}\"{dx}>{words}</tspan>")
         } else {
@@ -248,11 +229,7 @@ pub(super) fn curve_path(d: &str, color: usize, dash: usize, width: f64) -> Stri
         "" => String::new(),
         dashes => format!(" stroke-dasharray=\"{dashes}\""),
     };
-    let cap = if dash.is_multiple_of(STYLE_COUNT) {
-        " stroke-linecap=\"round\""
-    } else {
-        ""
-    };
+    let cap = if dash.is_multiple_of(STYLE_COUNT) { " stroke-linecap=\"round\"" } else { "" };
     format!(
         "<path d=\"{d}\" class=\"cx-s-{color}\" fill=\"none\" stroke=\"{}\" \
          stroke-width=\"{width}\" stroke-linejoin=\"round\"{cap}{pattern}/>",
@@ -308,11 +285,8 @@ pub(super) fn mark(
     } else {
         ("cx-open".to_string(), "none")
     };
-    let title = if hover.is_empty() {
-        String::new()
-    } else {
-        format!("<title>{}</title>", escape(hover))
-    };
+    let title =
+        if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
     format!(
         "<path d=\"{d}\" class=\"{class} cx-s-{color}\" fill=\"{inside}\" stroke=\"{ink}\" \
          stroke-width=\"1.2\">{title}</path>"

@@ -46,10 +46,9 @@ pub(super) fn entries(panel: &Panel) -> Vec<Entry> {
                     opacity: s.opacity,
                 },
             },
-            Item::Region { label, tone, .. } | Item::Band { label, tone, .. } => Entry {
-                label: label.clone(),
-                sample: Sample::Swatch(*tone),
-            },
+            Item::Region { label, tone, .. } | Item::Band { label, tone, .. } => {
+                Entry { label: label.clone(), sample: Sample::Swatch(*tone) }
+            }
             _ => continue,
         };
         if !entry.label.is_empty() && !found.contains(&entry) {
@@ -91,15 +90,7 @@ pub(super) fn legend_above(
 pub(super) fn legend_entry(out: &mut String, entry: &Entry, x: f64, baseline: f64) {
     let middle = baseline - 3.6;
     match &entry.sample {
-        Sample::Curve {
-            color,
-            dash,
-            marker,
-            has_line,
-            has_marks,
-            width,
-            opacity,
-        } => {
+        Sample::Curve { color, dash, marker, has_line, has_marks, width, opacity } => {
             let _ = write!(out, "<g opacity=\"{opacity}\">");
             if *has_line {
                 let d = rule([x, middle], [x + LEGEND_SAMPLE, middle]);
@@ -109,13 +100,7 @@ pub(super) fn legend_entry(out: &mut String, entry: &Entry, x: f64, baseline: f6
                 let _ = write!(
                     out,
                     "{}",
-                    mark(
-                        *marker,
-                        *color,
-                        [x + 0.5 * LEGEND_SAMPLE, middle],
-                        *has_line,
-                        ""
-                    )
+                    mark(*marker, *color, [x + 0.5 * LEGEND_SAMPLE, middle], *has_line, "")
                 );
             }
             let _ = write!(out, "</g>");
@@ -136,14 +121,7 @@ pub(super) fn legend_entry(out: &mut String, entry: &Entry, x: f64, baseline: f6
     let _ = writeln!(
         out,
         "{}",
-        text(
-            x + LEGEND_SAMPLE + 6.0,
-            baseline,
-            "start",
-            LEGEND_SIZE,
-            "fg",
-            &entry.label
-        )
+        text(x + LEGEND_SAMPLE + 6.0, baseline, "start", LEGEND_SIZE, "fg", &entry.label)
     );
 }
 
@@ -158,21 +136,12 @@ impl Artist<'_> {
         let height = list.len() as f64 * LEGEND_LINE + 6.0;
         let gap = 6.0;
         let samples = self.samples(to_x, to_y);
-        let lefts = [
-            f.right() - width - gap,
-            f.x + gap,
-            f.x + 0.5 * (f.width - width),
-        ];
+        let lefts = [f.right() - width - gap, f.x + gap, f.x + 0.5 * (f.width - width)];
         let tops = [f.y + gap, f.bottom() - height - gap];
         let mut best: Option<(usize, Frame)> = None;
         for left in lefts {
             for top in tops {
-                let place = Frame {
-                    x: left,
-                    y: top,
-                    width,
-                    height,
-                };
+                let place = Frame { x: left, y: top, width, height };
                 let near = place.grown(3.0);
                 let covered = samples.iter().filter(|p| near.contains(**p)).count();
                 if best.as_ref().is_none_or(|(least, _)| covered < *least) {

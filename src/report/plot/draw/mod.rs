@@ -58,11 +58,7 @@ fn extent(panel: &Panel, axis: usize) -> Option<(f64, f64)> {
 }
 
 fn empty_ticks() -> Ticks {
-    Ticks {
-        major: Vec::new(),
-        minor: Vec::new(),
-        exponent: 0,
-    }
+    Ticks { major: Vec::new(), minor: Vec::new(), exponent: 0 }
 }
 
 /// Widens one of two ranges so that both have the same scale.
@@ -112,11 +108,8 @@ fn plans(figure: &Figure) -> Vec<Plan> {
                 let mut most = (width / 32.0).clamp(3.0, 12.0) as usize;
                 loop {
                     let ticks = panel.x.ticks(low, high, most);
-                    let widest = ticks
-                        .major
-                        .iter()
-                        .map(|t| label_width(&t.label))
-                        .fold(0.0, f64::max);
+                    let widest =
+                        ticks.major.iter().map(|t| label_width(&t.label)).fold(0.0, f64::max);
                     let fits = (widest + 10.0) * ticks.major.len() as f64 <= width;
                     if fits || most <= 2 {
                         break ticks;
@@ -158,18 +151,9 @@ fn y_caption(panel: &Panel, height: f64) -> Vec<String> {
 }
 
 fn margins(panel: &Panel, plan: &Plan, height: f64, legend_right: bool) -> Margins {
-    let widest = plan
-        .y_ticks
-        .major
-        .iter()
-        .map(|t| label_width(&t.label))
-        .fold(12.0, f64::max);
-    let mut m = Margins {
-        left: TICK_LENGTH + 4.0 + widest + 4.0,
-        right: 14.0,
-        top: 8.0,
-        bottom: 10.0,
-    };
+    let widest = plan.y_ticks.major.iter().map(|t| label_width(&t.label)).fold(12.0, f64::max);
+    let mut m =
+        Margins { left: TICK_LENGTH + 4.0 + widest + 4.0, right: 14.0, top: 8.0, bottom: 10.0 };
     let lines = y_caption(panel, height).len();
     if lines > 0 {
         m.left += 5.0 + lines as f64 * (LABEL_SIZE + 2.0);
@@ -216,11 +200,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         Legend::Above => true,
         Legend::Auto => {
             figure.panels.len() > 1
-                && figure
-                    .panels
-                    .iter()
-                    .map(entries)
-                    .any(|e| e.len() == shared.len())
+                && figure.panels.iter().map(entries).any(|e| e.len() == shared.len())
         }
         _ => false,
     };
@@ -238,25 +218,15 @@ pub(super) fn figure(figure: &Figure) -> String {
         .map(|(panel, plan)| margins(panel, plan, height, right))
         .collect();
     let over = |pick: fn(&Margins) -> f64, stride: (usize, usize)| -> f64 {
-        all.iter()
-            .skip(stride.0)
-            .step_by(stride.1.max(1))
-            .map(pick)
-            .fold(0.0, f64::max)
+        all.iter().skip(stride.0).step_by(stride.1.max(1)).map(pick).fold(0.0, f64::max)
     };
-    let lefts: Vec<f64> = (0..columns)
-        .map(|c| over(|m| m.left, (c, columns)))
-        .collect();
-    let rights: Vec<f64> = (0..columns)
-        .map(|c| over(|m| m.right, (c, columns)))
-        .collect();
+    let lefts: Vec<f64> = (0..columns).map(|c| over(|m| m.left, (c, columns))).collect();
+    let rights: Vec<f64> = (0..columns).map(|c| over(|m| m.right, (c, columns))).collect();
     let in_row = |r: usize| &all[(r * columns).min(all.len())..((r + 1) * columns).min(all.len())];
-    let tops: Vec<f64> = (0..rows)
-        .map(|r| in_row(r).iter().map(|m| m.top).fold(0.0, f64::max))
-        .collect();
-    let bottoms: Vec<f64> = (0..rows)
-        .map(|r| in_row(r).iter().map(|m| m.bottom).fold(0.0, f64::max))
-        .collect();
+    let tops: Vec<f64> =
+        (0..rows).map(|r| in_row(r).iter().map(|m| m.top).fold(0.0, f64::max)).collect();
+    let bottoms: Vec<f64> =
+        (0..rows).map(|r| in_row(r).iter().map(|m| m.bottom).fold(0.0, f64::max)).collect();
     let total_width = if figure.panels.is_empty() {
         320.0
     } else {
@@ -288,14 +258,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         let _ = writeln!(
             body,
             "{}",
-            text(
-                0.5 * total_width,
-                y,
-                "middle",
-                SUBTITLE_SIZE,
-                "muted",
-                &line
-            )
+            text(0.5 * total_width, y, "middle", SUBTITLE_SIZE, "muted", &line)
         );
         y += 4.0;
     }
@@ -308,14 +271,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         let _ = writeln!(
             body,
             "{}",
-            text(
-                0.5 * total_width,
-                y,
-                "middle",
-                LABEL_SIZE,
-                "muted",
-                "no data"
-            )
+            text(0.5 * total_width, y, "middle", LABEL_SIZE, "muted", "no data")
         );
         y += 20.0;
     }
@@ -327,20 +283,9 @@ pub(super) fn figure(figure: &Figure) -> String {
             x += lefts[column];
             let index = row * columns + column;
             if let (Some(panel), Some(plan)) = (figure.panels.get(index), plans.get(index)) {
-                let frame = Frame {
-                    x,
-                    y,
-                    width,
-                    height,
-                };
-                let mut artist = Artist {
-                    out: &mut body,
-                    panel,
-                    plan,
-                    frame,
-                    left: lefts[column],
-                    index,
-                };
+                let frame = Frame { x, y, width, height };
+                let mut artist =
+                    Artist { out: &mut body, panel, plan, frame, left: lefts[column], index };
                 artist.draw(inside, right);
             }
             x += width + rights[column];
@@ -349,21 +294,13 @@ pub(super) fn figure(figure: &Figure) -> String {
     }
     let total_height = y + 2.0;
 
-    let description = if figure.description.is_empty() {
-        describe(figure)
-    } else {
-        figure.description.clone()
-    };
-    let id = figure
-        .id
-        .clone()
-        .map_or_else(|| format!("f{:016x}", fingerprint(&body)), |s| slug(&s));
+    let description =
+        if figure.description.is_empty() { describe(figure) } else { figure.description.clone() };
+    let id =
+        figure.id.clone().map_or_else(|| format!("f{:016x}", fingerprint(&body)), |s| slug(&s));
     let body = body.replace(ID, &id);
-    let style = if figure.adaptive {
-        format!("<style>{STYLESHEET}</style>\n")
-    } else {
-        String::new()
-    };
+    let style =
+        if figure.adaptive { format!("<style>{STYLESHEET}</style>\n") } else { String::new() };
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"cx-plot\" width=\"{w}\" height=\"{h}\" \
          viewBox=\"0 0 {w} {h}\" role=\"img\" aria-labelledby=\"{id}-title {id}-desc\" \
@@ -384,21 +321,10 @@ fn describe(figure: &Figure) -> String {
         .panels
         .iter()
         .map(|panel| {
-            let names: Vec<String> = panel
-                .series()
-                .map(|s| plain(&s.label))
-                .filter(|l| !l.is_empty())
-                .collect();
-            let what = plain(&format!(
-                "{} against {}",
-                panel.y.caption(),
-                panel.x.caption()
-            ));
-            if names.is_empty() {
-                what
-            } else {
-                format!("{what}: {}", names.join(", "))
-            }
+            let names: Vec<String> =
+                panel.series().map(|s| plain(&s.label)).filter(|l| !l.is_empty()).collect();
+            let what = plain(&format!("{} against {}", panel.y.caption(), panel.x.caption()));
+            if names.is_empty() { what } else { format!("{what}: {}", names.join(", ")) }
         })
         .collect();
     format!("{} panels. {}.", figure.panels.len(), panels.join("; "))
@@ -415,11 +341,7 @@ fn fingerprint(text: &str) -> u64 {
 fn slug(text: &str) -> String {
     let mut out = String::from("f-");
     for c in text.chars() {
-        out.push(if c.is_ascii_alphanumeric() || c == '-' {
-            c
-        } else {
-            '-'
-        });
+        out.push(if c.is_ascii_alphanumeric() || c == '-' { c } else { '-' });
     }
     out
 }

@@ -60,13 +60,7 @@ impl Artist<'_> {
         } else {
             (frame.bottom(), frame.y)
         };
-        let to_y = Map {
-            low: y.0,
-            high: y.1,
-            log: self.panel.y.is_log(),
-            start,
-            end,
-        };
+        let to_y = Map { low: y.0, high: y.1, log: self.panel.y.is_log(), start, end };
         let kind = |log: bool| if log { "log" } else { "linear" };
         let head = if self.panel.heatmap.is_some() {
             "<g>".to_string()
@@ -156,17 +150,9 @@ impl Artist<'_> {
                         escape(label)
                     ));
                 }
-                Item::Region {
-                    tone,
-                    points,
-                    outlined,
-                    label,
-                    ..
-                } => {
-                    let pixels: Vec<[f64; 2]> = points
-                        .iter()
-                        .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
-                        .collect();
+                Item::Region { tone, points, outlined, label, .. } => {
+                    let pixels: Vec<[f64; 2]> =
+                        points.iter().map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])]).collect();
                     let d = polygon(&wide, &pixels);
                     if d.is_empty() {
                         continue;
@@ -177,11 +163,8 @@ impl Artist<'_> {
                     } else {
                         "stroke=\"none\"".to_string()
                     };
-                    let stroke_class = if *outlined {
-                        format!(" cx-s-{class}")
-                    } else {
-                        String::new()
-                    };
+                    let stroke_class =
+                        if *outlined { format!(" cx-s-{class}") } else { String::new() };
                     self.put(&format!(
                         "<path d=\"{d}\" class=\"cx-f-{class}{stroke_class}\" fill=\"{color}\" \
                          fill-opacity=\"{}\" {outline}><title>{}</title></path>",
@@ -235,10 +218,8 @@ impl Artist<'_> {
                     polyline(&wide, &[[x, frame.y], [x, frame.bottom()]])
                 }
                 Item::Guide { points, .. } => {
-                    let pixels: Vec<[f64; 2]> = points
-                        .iter()
-                        .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
-                        .collect();
+                    let pixels: Vec<[f64; 2]> =
+                        points.iter().map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])]).collect();
                     let d = polyline(&wide, &pixels);
                     self.put(&format!(
                         "<path d=\"{d}\" fill=\"none\" stroke-width=\"0.7\" \
@@ -260,11 +241,8 @@ impl Artist<'_> {
         let wide = self.frame.grown(CLIP_MARGIN);
         let panel = self.panel;
         for series in panel.series().filter(|s| s.has_line) {
-            let pixels: Vec<[f64; 2]> = series
-                .points
-                .iter()
-                .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
-                .collect();
+            let pixels: Vec<[f64; 2]> =
+                series.points.iter().map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])]).collect();
             let d = polyline(&wide, &thinned(pixels));
             if d.is_empty() {
                 continue;
@@ -356,14 +334,8 @@ impl Artist<'_> {
                     }
                     let above = y - frame.y > NOTE_SIZE + 4.0;
                     let baseline = if above { y - 3.5 } else { y + NOTE_SIZE + 2.0 };
-                    let note = halo_text(
-                        frame.right() - 5.0,
-                        baseline,
-                        "end",
-                        NOTE_SIZE,
-                        "muted",
-                        label,
-                    );
+                    let note =
+                        halo_text(frame.right() - 5.0, baseline, "end", NOTE_SIZE, "muted", label);
                     self.put(&note);
                 }
                 Item::VerticalLine { value, label }
@@ -375,21 +347,15 @@ impl Artist<'_> {
                     }
                     let width = text_width(label, NOTE_SIZE);
                     let fits = x + 5.0 + width < frame.right();
-                    let (at, anchor) = if fits {
-                        (x + 4.0, "start")
-                    } else {
-                        (x - 4.0, "end")
-                    };
+                    let (at, anchor) = if fits { (x + 4.0, "start") } else { (x - 4.0, "end") };
                     let baseline = frame.y + 12.0 + f64::from(verticals) * (NOTE_SIZE + 3.0);
                     verticals += 1;
                     let note = halo_text(at, baseline, anchor, NOTE_SIZE, "muted", label);
                     self.put(&note);
                 }
                 Item::Guide { points, label } if !label.is_empty() => {
-                    let pixels: Vec<[f64; 2]> = points
-                        .iter()
-                        .map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])])
-                        .collect();
+                    let pixels: Vec<[f64; 2]> =
+                        points.iter().map(|p| [to_x.pixel(p[0]), to_y.pixel(p[1])]).collect();
                     if let Some((note, place)) = guide_label(&frame, &pixels, label) {
                         // Crowded guides are named as far as there is room.
                         if !placed.iter().any(|p| p.overlaps(&place)) {
@@ -398,11 +364,7 @@ impl Artist<'_> {
                         }
                     }
                 }
-                Item::Text {
-                    at,
-                    text: note,
-                    anchor,
-                } => {
+                Item::Text { at, text: note, anchor } => {
                     let pixel = [to_x.pixel(at[0]), to_y.pixel(at[1])];
                     if !frame.contains(pixel) {
                         continue;
@@ -440,14 +402,7 @@ impl Artist<'_> {
         let plan = self.plan;
         let mut d = String::new();
         for (list, length) in [
-            (
-                plan.x_ticks
-                    .major
-                    .iter()
-                    .map(|t| t.value)
-                    .collect::<Vec<_>>(),
-                TICK_LENGTH,
-            ),
+            (plan.x_ticks.major.iter().map(|t| t.value).collect::<Vec<_>>(), TICK_LENGTH),
             (plan.x_ticks.minor.clone(), 0.5 * TICK_LENGTH),
         ] {
             for value in list {
@@ -456,14 +411,7 @@ impl Artist<'_> {
             }
         }
         for (list, length) in [
-            (
-                plan.y_ticks
-                    .major
-                    .iter()
-                    .map(|t| t.value)
-                    .collect::<Vec<_>>(),
-                TICK_LENGTH,
-            ),
+            (plan.y_ticks.major.iter().map(|t| t.value).collect::<Vec<_>>(), TICK_LENGTH),
             (plan.y_ticks.minor.clone(), 0.5 * TICK_LENGTH),
         ] {
             for value in list {
@@ -521,11 +469,7 @@ impl Artist<'_> {
         let f = self.frame;
         let panel = self.panel;
         if !panel.title.is_empty() {
-            let lift = if self.plan.y_ticks.exponent != 0 {
-                TICK_SIZE + 8.0
-            } else {
-                6.0
-            };
+            let lift = if self.plan.y_ticks.exponent != 0 { TICK_SIZE + 8.0 } else { 6.0 };
             self.put(&format!(
                 "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-size=\"{PANEL_TITLE_SIZE}\" \
                  font-weight=\"600\" {}>{}</text>",
@@ -538,14 +482,7 @@ impl Artist<'_> {
         let caption = panel.x.caption();
         if self.plan.labels_x && !caption.is_empty() {
             let y = f.bottom() + TICK_LENGTH + TICK_SIZE + LABEL_SIZE + 6.0;
-            self.put(&text(
-                f.x + 0.5 * f.width,
-                y,
-                "middle",
-                LABEL_SIZE,
-                "fg",
-                &caption,
-            ));
+            self.put(&text(f.x + 0.5 * f.width, y, "middle", LABEL_SIZE, "fg", &caption));
         }
         // At the edge of the column, so that the labels of a column line up.
         let x = f.x - self.left + LABEL_SIZE;
@@ -611,12 +548,7 @@ fn guide_label(frame: &Frame, pixels: &[[f64; 2]], label: &str) -> Option<(Strin
         "end" => x - width,
         _ => x - 0.5 * width,
     };
-    let place = Frame {
-        x: left,
-        y: y - NOTE_SIZE,
-        width,
-        height: NOTE_SIZE,
-    };
+    let place = Frame { x: left, y: y - NOTE_SIZE, width, height: NOTE_SIZE };
     let note = halo_text(x, y, anchor, NOTE_SIZE - 0.5, "muted", label);
     Some((note, place))
 }
