@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::output;
 use crate::problem::Report;
+use crate::vehicle::VehicleError;
 
 /// Exit code of an internal error.
 pub(super) const INTERNAL: u8 = 70;
@@ -34,6 +35,9 @@ pub enum CliError {
     /// A problem file is wrong, or cannot be read.
     #[error("{0}")]
     Problem(#[from] Report),
+    /// The problem is sound as a file, but no model of it can be built.
+    #[error("the model cannot be built: {0}")]
+    Vehicle(#[from] VehicleError),
     /// Arguments that cannot be used together, or mean nothing here.
     #[error("{message}")]
     Usage {
@@ -65,7 +69,7 @@ impl CliError {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             CliError::Problem(report) if report.unreadable => 3,
-            CliError::Problem(_) | CliError::Usage { .. } => 2,
+            CliError::Problem(_) | CliError::Vehicle(_) | CliError::Usage { .. } => 2,
             CliError::Exists { .. } | CliError::Io { .. } => 3,
             CliError::Internal(_) => INTERNAL,
         }
