@@ -7,6 +7,7 @@ use crate::problem::{
 };
 use crate::units::DEGREE;
 use crate::vehicle::atmosphere::{Air, STANDARD_GRAVITY};
+use crate::vehicle::interference::Interference;
 
 /// Where the blade section stands for the whole blade, fraction of R.
 const REPRESENTATIVE_STATION: f64 = 0.75;
@@ -105,6 +106,13 @@ pub fn rotor(problem: &Problem, rotor: &Rotor) -> RotorSummary {
         },
         blade_mass_center: rotor.blade_first_moment / (rotor.blade_mass * radius),
     }
+}
+
+/// Mean inflow over the receiving disk in hover, over the uniform inflow of
+/// the source, in the speed of the flow: 2 G11 at no skew. Far below a rotor
+/// this is 2, at its own disk 1, and far above it 0.
+pub fn hover_interference(interference: &Interference) -> f64 {
+    2.0 * interference.evaluate([0.0, 0.0])[(0, 0)]
 }
 
 /// Planform area of a wing, m².
