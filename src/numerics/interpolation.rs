@@ -87,19 +87,11 @@ pub enum Ends {
 /// `needed` breakpoints.
 pub(crate) fn check_axis(name: &'static str, axis: &[f64], needed: usize) -> Result<(), GridError> {
     if axis.len() < needed {
-        return Err(GridError::TooFewBreakpoints {
-            axis: name,
-            found: axis.len(),
-            needed,
-        });
+        return Err(GridError::TooFewBreakpoints { axis: name, found: axis.len(), needed });
     }
     for (index, &value) in axis.iter().enumerate() {
         if !value.is_finite() || (index > 0 && value <= axis[index - 1]) {
-            return Err(GridError::NotIncreasing {
-                axis: name,
-                index,
-                value,
-            });
+            return Err(GridError::NotIncreasing { axis: name, index, value });
         }
     }
     Ok(())
@@ -107,17 +99,11 @@ pub(crate) fn check_axis(name: &'static str, axis: &[f64], needed: usize) -> Res
 
 fn check_values(values: &[f64], needed: usize) -> Result<(), GridError> {
     if values.len() != needed {
-        return Err(GridError::WrongSize {
-            found: values.len(),
-            needed,
-        });
+        return Err(GridError::WrongSize { found: values.len(), needed });
     }
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(index) => Err(GridError::NotFinite {
-            index,
-            value: values[index],
-        }),
+        Some(index) => Err(GridError::NotFinite { index, value: values[index] }),
     }
 }
 
@@ -192,10 +178,7 @@ impl CellIndex {
     fn new(breakpoints: Vec<f64>) -> Self {
         let first = breakpoints[0];
         let length = breakpoints[breakpoints.len() - 1] - first;
-        let narrowest = breakpoints
-            .windows(2)
-            .map(|w| w[1] - w[0])
-            .fold(f64::INFINITY, f64::min);
+        let narrowest = breakpoints.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
         let bins = (length / narrowest).ceil().clamp(1.0, Self::MOST_BINS);
         let bins_per_unit = bins / length;
         let first_cell = (0..=bins as usize)
@@ -207,11 +190,7 @@ impl CellIndex {
                 cell.saturating_sub(1).min(breakpoints.len() - 2) as u16
             })
             .collect();
-        Self {
-            breakpoints,
-            first_cell,
-            bins_per_unit,
-        }
+        Self { breakpoints, first_cell, bins_per_unit }
     }
 
     /// Cell of `value` and the distance from its left edge. `value` must lie
@@ -284,10 +263,7 @@ impl CubicHermite {
         let cells = (0..x.len() - 1)
             .map(|i| hermite_to_power(x[i + 1] - x[i], [y[i], y[i + 1], slopes[i], slopes[i + 1]]))
             .collect();
-        Ok(Self {
-            index: CellIndex::new(x.to_vec()),
-            cells,
-        })
+        Ok(Self { index: CellIndex::new(x.to_vec()), cells })
     }
 
     /// Value and derivative at `x`.
@@ -306,12 +282,7 @@ impl CubicHermite {
 /// end slopes `[f0, f1, d0, d1]` over a cell of width `h`.
 fn hermite_to_power(h: f64, [f0, f1, d0, d1]: [f64; 4]) -> [f64; 4] {
     let secant = (f1 - f0) / h;
-    [
-        f0,
-        d0,
-        (3.0 * secant - 2.0 * d0 - d1) / h,
-        (d0 + d1 - 2.0 * secant) / (h * h),
-    ]
+    [f0, d0, (3.0 * secant - 2.0 * d0 - d1) / h, (d0 + d1 - 2.0 * secant) / (h * h)]
 }
 
 /// Value and derivatives of one function at one node: f, ∂f/∂x, ∂f/∂y,
@@ -402,11 +373,7 @@ impl<const C: usize> Bicubic<C> {
                 cells.push(cell);
             }
         }
-        Self {
-            x: CellIndex::new(x.to_vec()),
-            y: CellIndex::new(y.to_vec()),
-            cells,
-        }
+        Self { x: CellIndex::new(x.to_vec()), y: CellIndex::new(y.to_vec()), cells }
     }
 
     /// Cell of (x, y), and distances from its corner.
@@ -457,10 +424,8 @@ impl<const C: usize> Bicubic<C> {
     /// divided. Beyond its own axes a surface is constant.
     pub fn join(parts: [&Bicubic<1>; C]) -> Self {
         let union = |axis: fn(&Bicubic<1>) -> &CellIndex| {
-            let mut all: Vec<f64> = parts
-                .iter()
-                .flat_map(|p| axis(p).breakpoints.iter().copied())
-                .collect();
+            let mut all: Vec<f64> =
+                parts.iter().flat_map(|p| axis(p).breakpoints.iter().copied()).collect();
             all.sort_by(f64::total_cmp);
             // Breakpoints that differ by rounding only are one.
             let length = all[all.len() - 1] - all[0];
@@ -478,11 +443,7 @@ impl<const C: usize> Bicubic<C> {
                 v.value[0],
                 if flat_x { 0.0 } else { v.x[0] },
                 if flat_y { 0.0 } else { v.y[0] },
-                if flat_x || flat_y {
-                    0.0
-                } else {
-                    part.twist(x[i], y[j])
-                },
+                if flat_x || flat_y { 0.0 } else { part.twist(x[i], y[j]) },
             ]
         })
     }
@@ -578,10 +539,9 @@ fn node_data(x: &[f64], y: &[f64], f: &[f64], ends: [Ends; 2]) -> Vec<NodeData> 
                 let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
                 for forward_x in [false, true] {
                     for forward_y in [false, true] {
-                        let (Some(i2), Some(j2)) = (
-                            step(i, forward_x, n, ends[0]),
-                            step(j, forward_y, m, ends[1]),
-                        ) else {
+                        let (Some(i2), Some(j2)) =
+                            (step(i, forward_x, n, ends[0]), step(j, forward_y, m, ends[1]))
+                        else {
                             continue;
                         };
                         let corners = [here, f[at(i2, j)], f[at(i, j2)], f[at(i2, j2)]];
@@ -631,15 +591,10 @@ impl<const C: usize> UniformTable<C> {
     ) -> Result<Self, GridError> {
         check_axis("x", &[low, high], 2)?;
         if cells < 4 {
-            return Err(GridError::TooFewBreakpoints {
-                axis: "x",
-                found: cells + 1,
-                needed: 5,
-            });
+            return Err(GridError::TooFewBreakpoints { axis: "x", found: cells + 1, needed: 5 });
         }
-        let values: Vec<[f64; C]> = (0..=cells)
-            .map(|i| f(low + (high - low) * i as f64 / cells as f64))
-            .collect();
+        let values: Vec<[f64; C]> =
+            (0..=cells).map(|i| f(low + (high - low) * i as f64 / cells as f64)).collect();
         check_values(values.as_flattened(), (cells + 1) * C)?;
         // Five-point difference formulas, by place in the stencil.
         const STENCIL: [[f64; 5]; 5] = [
@@ -651,10 +606,7 @@ impl<const C: usize> UniformTable<C> {
         ];
         let slope = |i: usize, c: usize| {
             let first = i.saturating_sub(2).min(cells - 4);
-            (0..5)
-                .map(|k| STENCIL[i - first][k] * values[first + k][c])
-                .sum::<f64>()
-                / 12.0
+            (0..5).map(|k| STENCIL[i - first][k] * values[first + k][c]).sum::<f64>() / 12.0
         };
         let pieces = (0..cells)
             .map(|i| {
@@ -668,11 +620,7 @@ impl<const C: usize> UniformTable<C> {
                 piece
             })
             .collect();
-        Ok(Self {
-            low,
-            per_step: cells as f64 / (high - low),
-            cells: pieces,
-        })
+        Ok(Self { low, per_step: cells as f64 / (high - low), cells: pieces })
     }
 
     /// Values and derivatives at `x`. Beyond the interval the end pieces go
@@ -725,11 +673,7 @@ impl<const C: usize> ChebyshevSeries<C> {
                 a.map(|v| v * norm)
             })
             .collect();
-        Self {
-            center: 0.5 * (low + high),
-            per_half_length: 2.0 / (high - low),
-            coefficients,
-        }
+        Self { center: 0.5 * (low + high), per_half_length: 2.0 / (high - low), coefficients }
     }
 
     /// Number of terms.
@@ -756,12 +700,7 @@ impl<const C: usize> ChebyshevSeries<C> {
     /// Largest magnitude among the last two coefficients, a measure of what
     /// the series leaves out.
     pub fn tail(&self) -> f64 {
-        self.coefficients
-            .iter()
-            .rev()
-            .take(2)
-            .flatten()
-            .fold(0.0, |most: f64, a| most.max(a.abs()))
+        self.coefficients.iter().rev().take(2).flatten().fold(0.0, |most: f64, a| most.max(a.abs()))
     }
 
     /// Values at `x`, by Clenshaw's recurrence. Valid on [low, high]; beyond
@@ -851,9 +790,8 @@ mod tests {
     fn periodic_slopes_agree_at_both_ends() {
         let n = 12;
         let x: Vec<f64> = (0..=n).map(|i| i as f64 * 0.3).collect();
-        let y: Vec<f64> = (0..=n)
-            .map(|i| (i as f64 / n as f64 * std::f64::consts::TAU).sin())
-            .collect();
+        let y: Vec<f64> =
+            (0..=n).map(|i| (i as f64 / n as f64 * std::f64::consts::TAU).sin()).collect();
         let slopes = parabolic_slopes(&x, &y, Ends::Periodic);
         assert_eq!(slopes[0], slopes[n]);
         // Central differences of a sine: 2π/L sin(δ)/δ with δ the step's angle.
@@ -948,10 +886,8 @@ mod tests {
         let error = |n: usize| {
             let axis: Vec<f64> = (0..=n).map(|i| i as f64 / n as f64).collect();
             let f = |x: f64, y: f64| (1.3 * x).exp() * (2.0 + y).ln();
-            let values: Vec<f64> = axis
-                .iter()
-                .flat_map(|&x| axis.iter().map(move |&y| f(x, y)))
-                .collect();
+            let values: Vec<f64> =
+                axis.iter().flat_map(|&x| axis.iter().map(move |&y| f(x, y))).collect();
             let ends = [Ends::Parabolic, Ends::Parabolic];
             let surface = Bicubic::new(&axis, &axis, [&values[..]], ends).unwrap();
             let mut worst: f64 = 0.0;
@@ -1017,16 +953,10 @@ mod tests {
             "the x axis must be finite and strictly increasing; breakpoint 2 is 1"
         );
         let error = CubicHermite::new(&[0.0, 1.0], &[0.0, f64::NAN], Ends::Flat).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "table value 1 is NaN; every value must be finite"
-        );
+        assert_eq!(error.to_string(), "table value 1 is NaN; every value must be finite");
         let ends = [Ends::Flat; 2];
         let error = Bicubic::new(&[0.0, 1.0], &[0.0], [&[0.0; 2][..]], ends).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "the y axis has 1 breakpoints; it needs at least 2"
-        );
+        assert_eq!(error.to_string(), "the y axis has 1 breakpoints; it needs at least 2");
     }
 
     #[test]

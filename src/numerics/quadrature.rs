@@ -38,10 +38,7 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
     }
     for k in 2..=n {
         let k = k as f64;
-        (before, value) = (
-            value,
-            ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k,
-        );
+        (before, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
     }
     (value, n as f64 * (before - x * value) / (1.0 - x * x))
 }
@@ -70,11 +67,7 @@ mod tests {
                 rule.iter().map(|(x, w)| w * x.powi(degree as i32)).sum()
             };
             for degree in 0..2 * count {
-                let exact = if degree % 2 == 0 {
-                    2.0 / (degree as f64 + 1.0)
-                } else {
-                    0.0
-                };
+                let exact = if degree % 2 == 0 { 2.0 / (degree as f64 + 1.0) } else { 0.0 };
                 assert!((moment(degree) - exact).abs() < 1e-14, "{count} {degree}");
             }
             if count < 12 {
@@ -86,10 +79,7 @@ mod tests {
 
     #[test]
     fn gauss_rules_move_to_other_intervals() {
-        let integral: f64 = gauss_legendre(0.5, 3.0, 20)
-            .iter()
-            .map(|(x, w)| w * x.ln())
-            .sum();
+        let integral: f64 = gauss_legendre(0.5, 3.0, 20).iter().map(|(x, w)| w * x.ln()).sum();
         let exact = (3.0 * 3.0f64.ln() - 3.0) - (0.5 * 0.5f64.ln() - 0.5);
         assert!((integral - exact).abs() < 1e-14);
         assert!(gauss_legendre(0.0, 1.0, 0).is_empty());
@@ -100,10 +90,7 @@ mod tests {
         // ∮ dψ/(1 + e²− 2e cos ψ) = 2π/(1 − e²); n points err by eⁿ.
         let e = 0.5f64;
         let rule = periodic_nodes(64);
-        let sum: f64 = rule
-            .iter()
-            .map(|(c, _)| 1.0 / (1.0 + e * e - 2.0 * e * c))
-            .sum();
+        let sum: f64 = rule.iter().map(|(c, _)| 1.0 / (1.0 + e * e - 2.0 * e * c)).sum();
         let integral = sum * 2.0 * PI / 64.0;
         assert!((integral - 2.0 * PI / (1.0 - e * e)).abs() < 1e-13);
     }

@@ -43,11 +43,7 @@ enum Kind {
     /// Lift and drag side by side on one grid.
     Table(Bicubic<2>),
     /// Linear lift, constant drag.
-    Analytic {
-        lift_slope: f64,
-        zero_lift_angle: f64,
-        drag: f64,
-    },
+    Analytic { lift_slope: f64, zero_lift_angle: f64, drag: f64 },
 }
 
 /// How far the ends of a table may lie from ±180°, rad: decimal degrees
@@ -84,15 +80,9 @@ impl Section {
                     };
                 Ok(Self(Kind::Table(surfaces)))
             }
-            &Airfoil::Analytic {
-                lift_slope,
-                zero_lift_angle,
-                drag,
-            } => Ok(Self(Kind::Analytic {
-                lift_slope,
-                zero_lift_angle,
-                drag,
-            })),
+            &Airfoil::Analytic { lift_slope, zero_lift_angle, drag } => {
+                Ok(Self(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
+            }
         }
     }
 
@@ -113,11 +103,7 @@ impl Section {
                     drag_mach: v.y[1],
                 }
             }
-            &Kind::Analytic {
-                lift_slope,
-                zero_lift_angle,
-                drag,
-            } => Coefficients {
+            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => Coefficients {
                 lift: lift_slope * (alpha - zero_lift_angle),
                 lift_alpha: lift_slope,
                 lift_mach: 0.0,
@@ -138,11 +124,9 @@ impl Section {
                 let [lift, drag] = table.value(alpha, mach);
                 (lift, drag)
             }
-            &Kind::Analytic {
-                lift_slope,
-                zero_lift_angle,
-                drag,
-            } => (lift_slope * (alpha - zero_lift_angle), drag),
+            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => {
+                (lift_slope * (alpha - zero_lift_angle), drag)
+            }
         }
     }
 }
@@ -172,10 +156,7 @@ fn periodic(grid: &CoefficientGrid) -> Result<CoefficientGrid, GridError> {
     let mut grid = grid.clone();
     let (rows, columns) = (grid.angle_of_attack.len(), grid.mach.len());
     if grid.value.len() != rows * columns {
-        return Err(GridError::WrongSize {
-            found: grid.value.len(),
-            needed: rows * columns,
-        });
+        return Err(GridError::WrongSize { found: grid.value.len(), needed: rows * columns });
     }
     if let (Some(&first), Some(&last)) = (grid.angle_of_attack.first(), grid.angle_of_attack.last())
     {
@@ -238,11 +219,7 @@ mod tests {
             angle_of_attack.push(row[0].to_radians());
             value.extend(&row[1..]);
         }
-        CoefficientGrid {
-            angle_of_attack,
-            mach,
-            value,
-        }
+        CoefficientGrid { angle_of_attack, mach, value }
     }
 
     static NACA: LazyLock<AirfoilTable> = LazyLock::new(|| {
@@ -287,10 +264,7 @@ mod tests {
         for &alpha in &NACA.lift.angle_of_attack {
             for &mach in &machs {
                 let (left, right) = (alpha - 1e-15, next(alpha));
-                let (a, b) = (
-                    SECTION.coefficients(left, mach),
-                    SECTION.coefficients(right, mach),
-                );
+                let (a, b) = (SECTION.coefficients(left, mach), SECTION.coefficients(right, mach));
                 // Second derivatives are below 2000, so 2e-15 of travel
                 // explains 4e-12; the rest is rounding of the cubics.
                 assert!((a.lift_alpha - b.lift_alpha).abs() < 1e-11);
@@ -317,10 +291,7 @@ mod tests {
     #[test]
     fn the_seam_at_180_degrees_is_smooth() {
         for mach in [0.0, 0.35, 0.72] {
-            let (a, b) = (
-                SECTION.coefficients(PI, mach),
-                SECTION.coefficients(-PI, mach),
-            );
+            let (a, b) = (SECTION.coefficients(PI, mach), SECTION.coefficients(-PI, mach));
             assert!((a.lift - b.lift).abs() < 1e-13);
             assert!((a.drag - b.drag).abs() < 1e-13);
             assert!((a.lift_alpha - b.lift_alpha).abs() < 1e-12);
@@ -372,14 +343,10 @@ mod tests {
                 let slope = |a: (f64, f64), b: (f64, f64)| {
                     ((a.0 - b.0) / (2.0 * h), (a.1 - b.1) / (2.0 * h))
                 };
-                let by_alpha = slope(
-                    SECTION.lift_drag(alpha + h, mach),
-                    SECTION.lift_drag(alpha - h, mach),
-                );
-                let by_mach = slope(
-                    SECTION.lift_drag(alpha, mach + h),
-                    SECTION.lift_drag(alpha, mach - h),
-                );
+                let by_alpha =
+                    slope(SECTION.lift_drag(alpha + h, mach), SECTION.lift_drag(alpha - h, mach));
+                let by_mach =
+                    slope(SECTION.lift_drag(alpha, mach + h), SECTION.lift_drag(alpha, mach - h));
                 assert!((c.lift_alpha - by_alpha.0).abs() < 2e-7);
                 assert!((c.drag_alpha - by_alpha.1).abs() < 2e-7);
                 assert!((c.lift_mach - by_mach.0).abs() < 2e-7);
@@ -392,10 +359,8 @@ mod tests {
     fn beyond_the_table_coefficients_stay_constant_and_flat() {
         for alpha in [-2.0, -0.1, 0.05, 0.3] {
             for (beyond, end) in [(-0.5, 0.0), (1.4, 0.9)] {
-                let (out, edge) = (
-                    SECTION.coefficients(alpha, beyond),
-                    SECTION.coefficients(alpha, end),
-                );
+                let (out, edge) =
+                    (SECTION.coefficients(alpha, beyond), SECTION.coefficients(alpha, end));
                 assert_eq!(out.lift, edge.lift);
                 assert_eq!(out.drag, edge.drag);
                 assert!(out.lift_mach.abs() < 1e-12 && out.drag_mach.abs() < 1e-12);
@@ -433,19 +398,9 @@ mod tests {
         let one = |grid: &CoefficientGrid| CoefficientGrid {
             angle_of_attack: grid.angle_of_attack.clone(),
             mach: vec![grid.mach[2]],
-            value: grid
-                .value
-                .iter()
-                .skip(2)
-                .step_by(columns)
-                .copied()
-                .collect(),
+            value: grid.value.iter().skip(2).step_by(columns).copied().collect(),
         };
-        let table = AirfoilTable {
-            lift: one(&NACA.lift),
-            drag: one(&NACA.drag),
-            ..NACA.clone()
-        };
+        let table = AirfoilTable { lift: one(&NACA.lift), drag: one(&NACA.drag), ..NACA.clone() };
         let section = Section::new(&Airfoil::Table(Arc::new(table))).unwrap();
         for mach in [0.0, 0.3, 0.8] {
             let c = section.coefficients(NACA.lift.angle_of_attack[40], mach);
@@ -473,13 +428,7 @@ mod tests {
         let mut table = NACA.clone();
         table.drag.angle_of_attack[0] = -3.0;
         let error = Section::new(&Airfoil::Table(Arc::new(table))).unwrap_err();
-        assert!(matches!(
-            error,
-            GridError::NotOnePeriod {
-                axis: "angle of attack",
-                ..
-            }
-        ));
+        assert!(matches!(error, GridError::NotOnePeriod { axis: "angle of attack", .. }));
     }
 
     #[test]

@@ -241,10 +241,7 @@ impl Interference {
 
 impl DiskGeometry {
     fn check(&self) -> Result<(), GeometryError> {
-        for (which, value) in [
-            ("source", self.source_radius),
-            ("receiver", self.receiver_radius),
-        ] {
+        for (which, value) in [("source", self.source_radius), ("receiver", self.receiver_radius)] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(GeometryError::Radius { which, value });
             }
@@ -298,13 +295,7 @@ impl Sheet {
     fn new(depth: f64, radius: f64, rule: InterferenceRule) -> Result<Self, GridError> {
         let at = |t: f64| -> Wind {
             let [g11, g12, g21, g22, g33] = sheet_integrals(t, depth, radius, rule);
-            [
-                g11,
-                g12 / t,
-                g21 / t,
-                0.5 * (g22 + g33),
-                0.5 * (g22 - g33) / t,
-            ]
+            [g11, g12 / t, g21 / t, 0.5 * (g22 + g33), 0.5 * (g22 - g33) / t]
         };
         let table = UniformTable::fit(0.0, 1.0, Self::CELLS, |v| {
             if v <= 0.0 {
@@ -343,11 +334,7 @@ impl CoaxialMap {
             return Err(GeometryError::TooClose { separation });
         }
         let above = AboveRule::new(separation, radius, rule).functions(0.5);
-        let sheet = if height < 0.0 {
-            Some(Sheet::new(separation, radius, rule)?)
-        } else {
-            None
-        };
+        let sheet = if height < 0.0 { Some(Sheet::new(separation, radius, rule)?) } else { None };
         Ok(Self { above, sheet })
     }
 
@@ -368,13 +355,7 @@ impl CoaxialMap {
         let (h, dh) = sheet.evaluate(t);
         // Less the upper half, whose skew is reversed.
         (
-            [
-                h[0] - a[0],
-                h[1] + a[1],
-                h[2] + a[2],
-                h[3] - a[3],
-                h[4] * per_t - a[4],
-            ],
+            [h[0] - a[0], h[1] + a[1], h[2] + a[2], h[3] - a[3], h[4] * per_t - a[4]],
             [
                 dh[0] * t_slope,
                 dh[1] * t_slope,
@@ -486,13 +467,7 @@ impl AboveRule {
     /// The five functions of a [`CoaxialMap`] from |X| = t.
     fn functions(&self, t: f64) -> Wind {
         let [g11, g12, g21, g22, g33] = self.integrate(t);
-        [
-            g11,
-            g12 / t,
-            g21 / t,
-            0.5 * (g22 + g33),
-            0.5 * (g22 - g33) / (t * t),
-        ]
+        [g11, g12 / t, g21 / t, 0.5 * (g22 + g33), 0.5 * (g22 - g33) / (t * t)]
     }
 
     /// G11, G12, G21, G22, G33 in wind axes at |X| = t.
@@ -527,13 +502,7 @@ fn add_disk_moments(sum: &mut Wind, w: [f64; 3], r: f64, cos: f64, sin: f64, wei
 /// Disk averages to rows of G: twice for 1/π ∫ r dr dψ = ∫ 2r dr/(2π) dψ, and
 /// four times that average in the harmonic rows.
 fn finish(sum: Wind) -> Wind {
-    [
-        2.0 * sum[0],
-        2.0 * sum[1],
-        8.0 * sum[2],
-        8.0 * sum[3],
-        8.0 * sum[4],
-    ]
+    [2.0 * sum[0], 2.0 * sum[1], 8.0 * sum[2], 8.0 * sum[3], 8.0 * sum[4]]
 }
 
 /// Flow down the shaft at a point (x, y, z up) for unit circulation uniform,
@@ -584,17 +553,10 @@ fn cored_flow(point: [f64; 3], skew: [f64; 2], core: f64, rim: &[(f64, f64)]) ->
     }
     // Below: the infinite cylinder less its upper half.
     let upper = rim_average([a, r, -up], lean.map(|v| -v), cos_chi, core * core, rim);
-    let [x, y] = [
-        a * direction[0] + r * direction[1],
-        r * direction[0] - a * direction[1],
-    ];
+    let [x, y] = [a * direction[0] + r * direction[1], r * direction[0] - a * direction[1]];
     let p = Complex64::new(cos_chi * x + up * sin_chi, y);
     // Distance from the cylinder's axis in the plane of the point.
-    let from_axis = if cos_chi > 0.0 {
-        (p.re / cos_chi).hypot(y)
-    } else {
-        f64::INFINITY
-    };
+    let from_axis = if cos_chi > 0.0 { (p.re / cos_chi).hypot(y) } else { f64::INFINITY };
     let beyond = ((from_axis - 1.0) / core).clamp(0.0, 1.0);
     let outside = beyond * beyond * (3.0 - 2.0 * beyond);
     let mut sheet = [0.0; 3];
@@ -621,20 +583,14 @@ fn cored_rim(core: f64) -> Vec<(f64, f64)> {
 
 /// Equally spaced skew components from −1 to 1.
 fn skew_axis(cells: usize) -> Vec<f64> {
-    (0..=cells)
-        .map(|k| -1.0 + 2.0 * k as f64 / cells as f64)
-        .collect()
+    (0..=cells).map(|k| -1.0 + 2.0 * k as f64 / cells as f64).collect()
 }
 
 /// A point in source axes (x forward, y right, z down) as aft, right and up
 /// in the source's own axes, in source radii.
 fn own_axes(point: &Vector3<f64>, radius: f64, mirrored: bool) -> [f64; 3] {
     let side = if mirrored { -1.0 } else { 1.0 };
-    [
-        -point.x / radius,
-        side * point.y / radius,
-        -point.z / radius,
-    ]
+    [-point.x / radius, side * point.y / radius, -point.z / radius]
 }
 
 /// Cells of the general table along each component of the skew.
@@ -676,11 +632,7 @@ fn disk_points(geometry: &DiskGeometry, rule: InterferenceRule) -> Vec<DiskPoint
     let axes = &geometry.receiver_axes;
     // Only the component along the receiver's shaft passes its disk.
     let cosine = axes[(2, 2)];
-    let side = if geometry.receiver_mirrored {
-        -1.0
-    } else {
-        1.0
-    };
+    let side = if geometry.receiver_mirrored { -1.0 } else { 1.0 };
     let mut points = Vec::new();
     for (r, dr) in radial_rule(1.0, rule, along) {
         for (cos, sin) in periodic_nodes(around) {
@@ -739,10 +691,7 @@ impl PointWash {
         source_mirrored: bool,
     ) -> Result<Self, GeometryError> {
         if !(source_radius > 0.0 && source_radius.is_finite()) {
-            return Err(GeometryError::Radius {
-                which: "source",
-                value: source_radius,
-            });
+            return Err(GeometryError::Radius { which: "source", value: source_radius });
         }
         if !point.iter().all(|v| v.is_finite()) {
             return Err(GeometryError::Placement { what: "position" });
@@ -798,11 +747,7 @@ fn sheet_flow(p: Complex64, sin_chi: f64, cos_chi: f64, inside: bool) -> [f64; 3
     let ratio = p / root;
     let per_u = 2.0 * alpha / (p + root);
     let (plus, minus) = (ratio * per_u * (beta / alpha), ratio * per_u);
-    [
-        1.0 - ratio.re,
-        -0.5 * (plus + minus).re,
-        -0.5 * (plus - minus).im,
-    ]
+    [1.0 - ratio.re, -0.5 * (plus + minus).re, -0.5 * (plus - minus).im]
 }
 
 /// Disk integrals of the infinite cylinder's flow, `depth` below the source,
@@ -821,11 +766,7 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
             (strip, radius - strip)
         }
     };
-    let shift = if cos_chi > 0.0 {
-        depth * sin_chi / cos_chi
-    } else {
-        f64::INFINITY
-    };
+    let shift = if cos_chi > 0.0 { depth * sin_chi / cos_chi } else { f64::INFINITY };
     let mut edges = vec![first];
     for edge in [(1.0 - shift).abs(), 1.0 + shift] {
         if edge > first && edge < last {
@@ -847,11 +788,7 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
             let dr = (high - low) * 0.5 * PI * sin * dv;
             // Inside where cos ψ is above this.
             let level = (r * r + shift * shift - 1.0) / (2.0 * r * shift);
-            let leave = if shift.is_infinite() {
-                0.0
-            } else {
-                level.clamp(-1.0, 1.0).acos()
-            };
+            let leave = if shift.is_infinite() { 0.0 } else { level.clamp(-1.0, 1.0).acos() };
             for (from, to, inside) in [(0.0, leave, true), (leave, PI, false)] {
                 if to <= from {
                     continue;
@@ -941,10 +878,7 @@ mod tests {
             let closed = rim_average(point, [sin_chi, 0.0], cos_chi, 0.0, &rim);
             let brute = biot_savart(point, sin_chi, cos_chi);
             for c in 0..3 {
-                assert!(
-                    (closed[c] - brute[c]).abs() < 1e-8,
-                    "{point:?} {closed:?} {brute:?}"
-                );
+                assert!((closed[c] - brute[c]).abs() < 1e-8, "{point:?} {closed:?} {brute:?}");
             }
         }
     }
@@ -1011,10 +945,7 @@ mod tests {
                     .integrate(0.5),
             );
             for c in 0..5 {
-                assert!(
-                    (coarse[c] - fine[c]).abs() < 1e-9,
-                    "{height} {coarse:?} {fine:?}"
-                );
+                assert!((coarse[c] - fine[c]).abs() < 1e-9, "{height} {coarse:?} {fine:?}");
             }
         }
     }
@@ -1045,10 +976,7 @@ mod tests {
             let inside = f64::hypot(x, y) < 1.0;
             let closed = sheet_flow(Complex64::new(p, y), sin_chi, cos_chi, inside);
             for c in 0..3 {
-                assert!(
-                    (closed[c] - brute[c]).abs() < 1e-10,
-                    "{x} {y} {closed:?} {brute:?}"
-                );
+                assert!((closed[c] - brute[c]).abs() < 1e-10, "{x} {y} {closed:?} {brute:?}");
             }
         }
     }
@@ -1076,13 +1004,7 @@ mod tests {
 
     #[test]
     fn the_sheet_is_integrated_over_the_disk_in_its_pieces() {
-        for (t, radius) in [
-            (0.05, 1.0),
-            (0.5, 1.0),
-            (0.86, 1.0),
-            (0.97, 1.0),
-            (0.6, 1.6),
-        ] {
+        for (t, radius) in [(0.05, 1.0), (0.5, 1.0), (0.86, 1.0), (0.97, 1.0), (0.6, 1.6)] {
             let quick = sheet_integrals(t, H, radius, Converged);
             let (sin_chi, cos_chi) = skew(t);
             let shift = H * sin_chi / cos_chi;
@@ -1100,10 +1022,7 @@ mod tests {
             }
             let brute = finish(sum.map(|v| v / (n as f64 * m as f64 * radius)));
             for c in 0..5 {
-                assert!(
-                    (quick[c] - brute[c]).abs() < 3e-4,
-                    "{t} {quick:?} {brute:?}"
-                );
+                assert!((quick[c] - brute[c]).abs() < 3e-4, "{t} {quick:?} {brute:?}");
             }
         }
     }
@@ -1119,18 +1038,9 @@ mod tests {
             let tolerance = if (t - 0.905).abs() < 0.03 { 1e-4 } else { 5e-6 };
             let (table, _) = sheet.evaluate(t);
             let [g11, g12, g21, g22, g33] = sheet_integrals(t, H, 1.0, Converged);
-            let exact = [
-                g11,
-                g12 / t,
-                g21 / t,
-                0.5 * (g22 + g33),
-                0.5 * (g22 - g33) / t,
-            ];
+            let exact = [g11, g12 / t, g21 / t, 0.5 * (g22 + g33), 0.5 * (g22 - g33) / t];
             for c in 0..5 {
-                assert!(
-                    (table[c] - exact[c]).abs() < tolerance,
-                    "{t} {table:?} {exact:?}"
-                );
+                assert!((table[c] - exact[c]).abs() < tolerance, "{t} {table:?} {exact:?}");
             }
         }
     }
@@ -1342,26 +1252,18 @@ mod tests {
     #[test]
     fn bad_geometry_is_refused_in_words() {
         let refuse = |geometry: DiskGeometry| {
-            Interference::new(&geometry, Converged)
-                .unwrap_err()
-                .to_string()
+            Interference::new(&geometry, Converged).unwrap_err().to_string()
         };
         assert_eq!(
             refuse(coaxial(0.001)),
             "the disks are 0.001 source radii apart; coaxial disks need at least 0.02"
         );
         assert_eq!(
-            refuse(DiskGeometry {
-                receiver_radius: -1.0,
-                ..coaxial(0.5)
-            }),
+            refuse(DiskGeometry { receiver_radius: -1.0, ..coaxial(0.5) }),
             "the receiver radius is -1 m; it must be positive and finite"
         );
         assert_eq!(
-            refuse(DiskGeometry {
-                receiver_axes: Matrix3::identity() * 2.0,
-                ..coaxial(0.5)
-            }),
+            refuse(DiskGeometry { receiver_axes: Matrix3::identity() * 2.0, ..coaxial(0.5) }),
             "the attitude of the receiver is not finite or not a rotation"
         );
         let error = PointWash::new(1.0, &Vector3::zeros(), 0.0, false).unwrap_err();

@@ -1,4 +1,889 @@
-//! The time-periodic flight dynamics of a rotorcraft.
+//! The time-periodic flight dynamics of a rotorcraft, `xdot = f(azimuth, x, u)`.
+//!
+//! One rigid airframe carries any number of rotors, wings and fuselage bodies.
+//! [`Vehicle::rates`] is pure: it reads the azimuth, the state and the blade
+//! controls, and writes the rates. It is written over
+//! [`Scalar`], so that the same lines give values and
+//! exact derivatives, and it allocates nothing beyond its [`Workspace`].
+//!
+//! The accelerations of airframe and blades are solved for together: the
+//! blades' inertia on the moving hub enters a 6 × 6 mass matrix, from which
+//! teeter accelerations are eliminated. Nothing is dropped for being small,
+//! except what the modules say they do not model.
 
 pub mod airfoil;
+pub mod atmosphere;
+pub mod frames;
+pub mod fuselage;
+pub mod inflow;
 pub mod interference;
+pub mod layout;
+pub mod output;
+pub mod rotor;
+pub mod summary;
+pub mod wing;
+
+use crate::numerics::scalar::{Scalar, Vec3};
+use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
+use atmosphere::{Air, STANDARD_GRAVITY};
+use frames::{Matrix3, position_body};
+use fuselage::Fuselage;
+use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
+use interference::{DiskGeometry, Interference, PointWash};
+pub use layout::{Layout, RotorStates};
+use nalgebra::Matrix3 as HubAxes;
+use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
+use wing::{UnwashedLoads, Wing};
+
+/// Most blade passages within which rotors must come round together.
+const LONGEST_PERIOD: usize = 240;
+/// How near to a whole number of blade passages counts as whole.
+const PERIOD_TOLERANCE: f64 = 1e-9;
+/// Change of uniform inflow at which the algebraic loop is closed.
+const LOOP_TOLERANCE: f64 = 1e-14;
+/// Rounds of the algebraic loop between mass flow and interference.
+const LOOP_ROUNDS: usize = 60;
+
+/// Why a checked problem makes no vehicle.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum VehicleError {
+    /// Rotor speeds have no common period.
+    #[error(
+        "the rotors never come round together: no time up to {passages} blade passages of the \
+         slowest is a whole number of passages of every rotor; choose rotor speeds in the ratio of \
+         small whole numbers"
+    )]
+    NoCommonPeriod {
+        /// Longest period tried, in passages of the slowest rotor.
+        passages: usize,
+    },
+    /// An airfoil table cannot be interpolated.
+    #[error("airfoil of `{of}`: {source}")]
+    Airfoil {
+        /// Rotor or wing.
+        of: String,
+        /// What is wrong with the table.
+        source: crate::numerics::interpolation::GridError,
+    },
+    /// Two rotors lie so that their interference cannot be computed.
+    #[error("interference of rotor `{source_rotor}` on `{receiver}`: {message}")]
+    Interference {
+        /// Source rotor.
+        source_rotor: String,
+        /// Receiving rotor or body.
+        receiver: String,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// A rotorcraft, ready to be evaluated.
+#[derive(Debug, Clone)]
+pub struct Vehicle {
+    /// Name of the problem.
+    pub name: String,
+    /// Air it flies in.
+    pub air: Air,
+    /// Gross mass, kg.
+    pub mass: f64,
+    /// Inertia tensor about the centre of gravity, body frame, kg m².
+    pub inertia: Matrix3,
+    /// Rotors, in the order of the problem.
+    pub rotors: Vec<Rotor>,
+    /// Wings and tail surfaces.
+    pub wings: Vec<Wing>,
+    /// Fuselage bodies.
+    pub fuselages: Vec<Fuselage>,
+    /// From sticks to blades.
+    pub controls: Controls,
+    /// Inflow choices.
+    pub inflow: InflowOptions,
+    /// Names and places of states and effectors.
+    pub layout: Layout,
+    /// Speed of the slowest rotor, rad/s: the reference azimuth turns with it.
+    pub reference_speed: f64,
+    /// Period of the dynamics, s.
+    pub period: f64,
+    /// `[receiver][source]`, none on the diagonal or without interactions.
+    interference: Vec<Vec<Option<Interference>>>,
+    /// `[fuselage][source]`.
+    fuselage_wash: Vec<Vec<PointWash>>,
+    /// `[wing][strip][source]`.
+    wing_wash: Vec<Vec<Vec<PointWash>>>,
+}
+
+/// Intermediate results of one evaluation; allocated once, used again.
+#[derive(Debug, Clone)]
+pub struct Workspace<S> {
+    /// Velocity of each hub through the air and its rate, own hub frame.
+    pub(crate) hub: Vec<[Vec3<S>; 2]>,
+    pub(crate) wake: Vec<Wake<S>>,
+    /// Total inflow λ_0, λ_1c, λ_1s of each rotor.
+    pub(crate) inflow: Vec<[S; 3]>,
+    /// Where the total inflow tends.
+    pub(crate) inflow_target: Vec<[S; 3]>,
+    pub(crate) shaft: Vec<Shaft<S>>,
+    pub(crate) teeter: Vec<[S; 2]>,
+    pub(crate) loads: Vec<RotorLoads<S>>,
+    /// Rows of hub-to-blades rotations.
+    pub(crate) blades: Vec<[Vec3<S>; 3]>,
+    pub(crate) fuselage_loads: Vec<(Vec3<S>, Vec3<S>)>,
+    pub(crate) wing_loads: Vec<(Vec3<S>, Vec3<S>)>,
+    /// Specific force of the centre of gravity and angular acceleration.
+    pub(crate) acceleration: [Vec3<S>; 2],
+}
+
+impl Vehicle {
+    /// Builds the vehicle of a problem, interference tables included.
+    ///
+    /// # Errors
+    /// Rotors without a common period, or geometry that the interference
+    /// theory cannot treat.
+    pub fn new(problem: &Problem) -> Result<Self, VehicleError> {
+        let air = Air::at(&problem.atmosphere);
+        let cg = &problem.mass.center_of_gravity;
+        let rotors: Vec<Rotor> = problem
+            .rotors
+            .iter()
+            .map(|rotor| Rotor::new(rotor, cg, &air))
+            .collect::<Result<_, _>>()?;
+        let wings: Vec<Wing> =
+            problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
+        let fuselages: Vec<Fuselage> =
+            problem.fuselages.iter().map(|body| Fuselage::new(body, cg, &air)).collect();
+        let m = &problem.mass;
+        let inertia =
+            [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
+        let (reference_speed, period) = common_period(&rotors)?;
+        let layout = Layout::new(&rotors, &problem.inflow);
+        let mut vehicle = Self {
+            name: problem.name.clone(),
+            air,
+            mass: m.mass,
+            inertia,
+            rotors,
+            wings,
+            fuselages,
+            controls: problem.controls.clone(),
+            inflow: problem.inflow,
+            layout,
+            reference_speed,
+            period,
+            interference: Vec::new(),
+            fuselage_wash: Vec::new(),
+            wing_wash: Vec::new(),
+        };
+        vehicle.build_interference()?;
+        vehicle.build_wash()?;
+        Ok(vehicle)
+    }
+
+    /// The same vehicle with rotor-on-rotor interactions switched.
+    ///
+    /// # Errors
+    /// As for [`Vehicle::new`].
+    pub fn with_interactions(&self, on: bool) -> Result<Self, VehicleError> {
+        let mut vehicle = self.clone();
+        if vehicle.inflow.interactions != on {
+            vehicle.inflow.interactions = on;
+            vehicle.build_interference()?;
+        }
+        Ok(vehicle)
+    }
+
+    /// Interference coefficients of one rotor on another, none on itself or
+    /// without interactions.
+    #[must_use]
+    pub fn interference(&self, receiver: usize, source: usize) -> Option<&Interference> {
+        self.interference[receiver][source].as_ref()
+    }
+
+    fn build_interference(&mut self) -> Result<(), VehicleError> {
+        use rayon::prelude::*;
+        let count = self.rotors.len();
+        let pairs: Vec<(usize, usize)> =
+            (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).collect();
+        let built: Vec<Result<Option<Interference>, VehicleError>> = pairs
+            .par_iter()
+            .map(|&(i, j)| {
+                if i == j || !self.inflow.interactions {
+                    return Ok(None);
+                }
+                let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
+                let geometry = DiskGeometry {
+                    source_radius: source.radius,
+                    receiver_radius: receiver.radius,
+                    offset: unmirrored(source, &receiver.position_body).into(),
+                    receiver_axes: axes_in(source, receiver),
+                    source_mirrored: source.frame.handedness < 0.0,
+                    receiver_mirrored: receiver.frame.handedness < 0.0,
+                };
+                Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
+                    |error| VehicleError::Interference {
+                        source_rotor: source.name.clone(),
+                        receiver: receiver.name.clone(),
+                        message: error.to_string(),
+                    },
+                )
+            })
+            .collect();
+        let mut built = built.into_iter();
+        self.interference = (0..count)
+            .map(|_| built.by_ref().take(count).collect::<Result<Vec<_>, _>>())
+            .collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    fn build_wash(&mut self) -> Result<(), VehicleError> {
+        use crate::problem::Wash;
+        let wash_at = |point: &[f64; 3], receiver: &str| -> Result<Vec<PointWash>, VehicleError> {
+            use rayon::prelude::*;
+            self.rotors
+                .par_iter()
+                .map(|source| {
+                    PointWash::new(
+                        source.radius,
+                        &unmirrored(source, point).into(),
+                        self.inflow.wash_core,
+                        source.frame.handedness < 0.0,
+                    )
+                    .map_err(|error| VehicleError::Interference {
+                        source_rotor: source.name.clone(),
+                        receiver: receiver.to_owned(),
+                        message: error.to_string(),
+                    })
+                })
+                .collect()
+        };
+        self.fuselage_wash = self
+            .fuselages
+            .iter()
+            .map(|body| match body.wash {
+                Wash::None => Ok(Vec::new()),
+                _ => wash_at(&body.position_body, &body.name),
+            })
+            .collect::<Result<_, _>>()?;
+        self.wing_wash = self
+            .wings
+            .iter()
+            .map(|wing| match wing.wash {
+                Wash::None => Ok(Vec::new()),
+                _ => wing.wash_points().map(|point| wash_at(&point, &wing.name)).collect(),
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Number of states.
+    #[must_use]
+    pub fn state_count(&self) -> usize {
+        self.layout.states.len()
+    }
+
+    /// Number of blade controls (effectors).
+    #[must_use]
+    pub fn effector_count(&self) -> usize {
+        self.layout.effectors.len()
+    }
+
+    /// A workspace for [`Vehicle::rates`].
+    #[must_use]
+    pub fn workspace<S: Scalar>(&self) -> Workspace<S> {
+        let n = self.rotors.len();
+        let zero = Vec3::<S>::default();
+        let shaft = Shaft {
+            speed: S::default(),
+            acceleration: S::default(),
+            sine: S::default(),
+            cosine: S::default(),
+        };
+        Workspace {
+            hub: vec![[zero; 2]; n],
+            wake: vec![Wake::default(); n],
+            inflow: vec![[S::default(); 3]; n],
+            inflow_target: vec![[S::default(); 3]; n],
+            shaft: vec![shaft; n],
+            teeter: vec![[S::default(); 2]; n],
+            loads: vec![RotorLoads::default(); n],
+            blades: vec![[zero; 3]; n],
+            fuselage_loads: vec![(zero, zero); self.fuselages.len()],
+            wing_loads: vec![(zero, zero); self.wings.len()],
+            acceleration: [zero; 2],
+        }
+    }
+
+    /// Blade controls from stick positions in percent: rigging plus mix;
+    /// commanded rotor speeds stay nominal.
+    pub fn mix<S: Scalar>(&self, sticks: &[S; 4], effectors: &mut [S]) {
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let mix = &self.controls.mix[index];
+            let start = self.layout.rotors[index].effectors;
+            for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
+                let value = mix.rigging[k]
+                    + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
+                effectors[start + k] = S::chain(value, row, sticks);
+            }
+            if rotor.governor_time_constant.is_some() {
+                effectors[start + 3] = S::constant(rotor.speed);
+            }
+        }
+    }
+
+    /// Rates of all states, per second, at a reference azimuth (rad).
+    ///
+    /// `effectors` are the blade controls of [`Layout::effectors`]; `wind_body`
+    /// is the velocity of the air mass over the ground, body frame, m/s.
+    /// Slices have the lengths of the layout.
+    #[inline(always)]
+    pub fn rates<S: Scalar>(
+        &self,
+        azimuth: f64,
+        state: &[S],
+        effectors: &[S],
+        wind_body: [f64; 3],
+        work: &mut Workspace<S>,
+        rates: &mut [S],
+    ) {
+        let body = Layout::BODY;
+        debug_assert_eq!(state.len(), self.layout.states.len());
+        debug_assert_eq!(effectors.len(), self.layout.effectors.len());
+        let velocity = Vec3([state[0], state[1], state[2]]);
+        let rate = Vec3([state[3], state[4], state[5]]);
+        let (sin_phi, cos_phi) = state[6].sin_cos();
+        let (sin_theta, cos_theta) = state[7].sin_cos();
+        let air = Vec3([
+            velocity.0[0] - wind_body[0],
+            velocity.0[1] - wind_body[1],
+            velocity.0[2] - wind_body[2],
+        ]);
+
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let hub = air + rate.cross_constant(rotor.position_body);
+            let spin = rate.rotated(&rotor.frame.polar);
+            let turn = rotor.frame.handedness;
+            work.hub[index] =
+                [hub.rotated(&rotor.frame.polar), Vec3(spin.0.map(|component| component * turn))];
+            work.shaft[index] = self.shaft(index, azimuth, state, effectors);
+        }
+        self.wakes(state, work);
+        let zero = S::default();
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let places = &self.layout.rotors[index];
+            let flapping =
+                places.flapping.map_or([zero; 2], |start| [state[start], state[start + 1]]);
+            let shaft = &work.shaft[index];
+            let ([vx, vy, vz], [p, q, r]) = (work.hub[index][0].0, work.hub[index][1].0);
+            let [l0, l1c, l1s] = work.inflow[index];
+            let at = places.effectors;
+            let (t0, t1c, t1s) = (effectors[at], effectors[at + 1], effectors[at + 2]);
+            let [b1c, b1s] = flapping;
+            let loads = if rotor.governor_time_constant.is_none() {
+                let azimuth = (shaft.sine.value(), shaft.cosine.value());
+                S::compose(
+                    &LoadsAtSpeed { rotor, azimuth },
+                    &[vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s],
+                )
+            } else {
+                let Shaft { speed, acceleration, sine, cosine } = *shaft;
+                S::compose(
+                    &LoadsGoverned { rotor },
+                    &[
+                        vx,
+                        vy,
+                        vz,
+                        p,
+                        q,
+                        r,
+                        b1c,
+                        b1s,
+                        l0,
+                        l1c,
+                        l1s,
+                        t0,
+                        t1c,
+                        t1s,
+                        speed,
+                        acceleration,
+                        sine,
+                        cosine,
+                    ],
+                )
+            };
+            let [fx, fy, fz, mx, my, mz, teeter_acceleration, c_t, c_l, c_m] = loads;
+            work.loads[index] = RotorLoads {
+                force_hub: Vec3([fx, fy, fz]),
+                moment_hub: Vec3([mx, my, mz]),
+                teeter_acceleration,
+                thrust_coefficient: c_t,
+                roll_coefficient: c_l,
+                pitch_coefficient: c_m,
+            };
+            work.teeter[index] = rotor.teeter(&flapping, shaft);
+            work.blades[index] = rotor.hub_to_blades(work.teeter[index][0], shaft);
+
+            let drive = [c_t, -c_m, -c_l];
+            for (k, &load) in drive.iter().enumerate() {
+                let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
+                rates[places.self_inflow + k] =
+                    (load - work.wake[index].balance[k]) * (rotor.speed / mass);
+            }
+            if let (Some(start), TotalInflow::LowPass { bandwidth }) =
+                (places.total_inflow, self.inflow.total_inflow)
+            {
+                for k in 0..3 {
+                    rates[start + k] =
+                        (work.inflow_target[index][k] - work.inflow[index][k]) * bandwidth;
+                }
+            }
+        }
+
+        let (force, moment) = self.external_loads(air, rate, work);
+        self.accelerate(rate, force, moment, work);
+        let [specific_force, angular] = work.acceleration;
+        let gravity = [
+            sin_theta * -STANDARD_GRAVITY,
+            sin_phi * cos_theta * STANDARD_GRAVITY,
+            cos_phi * cos_theta * STANDARD_GRAVITY,
+        ];
+        let turning = rate.cross(velocity);
+        for k in 0..3 {
+            rates[body.velocity + k] = specific_force.0[k] + gravity[k] - turning.0[k];
+            rates[body.rate + k] = angular.0[k];
+        }
+        let [p, q, r] = rate.0;
+        let across = q * sin_phi + r * cos_phi;
+        rates[body.roll] = p + across * sin_theta / cos_theta;
+        rates[body.pitch] = q * cos_phi - r * sin_phi;
+
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let places = &self.layout.rotors[index];
+            let shaft = work.shaft[index];
+            if let Some(start) = places.flapping {
+                let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
+                let (_, _, extra) = rotor.acceleration_loads(&work.blades[index], hub, spin);
+                let total = work.loads[index].teeter_acceleration + extra;
+                let [b1c, b1s] = rotor.flapping_rates(work.teeter[index], total, &shaft);
+                rates[start] = b1c;
+                rates[start + 1] = b1s;
+            }
+            if let Some(start) = places.speed {
+                rates[start] = shaft.acceleration;
+                rates[start + 1] = shaft.speed - rotor.speed;
+            }
+        }
+    }
+
+    /// Rates of the heading (rad/s) and velocity over the ground in heading
+    /// axes, forward, to starboard and down (m/s), from the state alone.
+    #[inline(always)]
+    pub fn navigation<S: Scalar>(&self, state: &[S]) -> [S; 4] {
+        let [u, v, w, _, q, r] = [state[0], state[1], state[2], state[3], state[4], state[5]];
+        let (sin_phi, cos_phi) = state[6].sin_cos();
+        let (sin_theta, cos_theta) = state[7].sin_cos();
+        let heading_rate = (q * sin_phi + r * cos_phi) / cos_theta;
+        let lifted = v * sin_phi + w * cos_phi;
+        [
+            heading_rate,
+            u * cos_theta + lifted * sin_theta,
+            v * cos_phi - w * sin_phi,
+            lifted * cos_theta - u * sin_theta,
+        ]
+    }
+
+    #[inline(always)]
+    fn shaft<S: Scalar>(
+        &self,
+        index: usize,
+        azimuth: f64,
+        state: &[S],
+        effectors: &[S],
+    ) -> Shaft<S> {
+        let rotor = &self.rotors[index];
+        let angle = rotor.azimuth_offset + azimuth * (rotor.speed / self.reference_speed);
+        let places = &self.layout.rotors[index];
+        match (places.speed, rotor.governor_time_constant) {
+            (Some(start), Some(time_constant)) => {
+                let (sine, cosine) = (state[start + 1] + angle).sin_cos();
+                let speed = state[start];
+                let command = effectors[places.effectors + 3];
+                let acceleration = (command - speed) * (1.0 / time_constant);
+                Shaft { speed, acceleration, sine, cosine }
+            }
+            _ => {
+                let (sine, cosine) = angle.sin_cos();
+                Shaft {
+                    speed: S::constant(rotor.speed),
+                    acceleration: S::default(),
+                    sine: S::constant(sine),
+                    cosine: S::constant(cosine),
+                }
+            }
+        }
+    }
+
+    /// Wakes of all rotors, and the inflow that they make together.
+    #[inline(always)]
+    fn wakes<S: Scalar>(&self, state: &[S], work: &mut Workspace<S>) {
+        for (index, places) in self.layout.rotors.iter().enumerate() {
+            let own = places.self_inflow;
+            let start = places.total_inflow.unwrap_or(own);
+            work.inflow[index] = [state[start], state[start + 1], state[start + 2]];
+        }
+        let looped = self.inflow.mass_flow == MassFlow::Total
+            && self.inflow.total_inflow == TotalInflow::Algebraic
+            && self.inflow.interactions;
+        let rounds = if looped { LOOP_ROUNDS } else { 1 };
+        let mut settled = false;
+        for _ in 0..rounds {
+            for (index, rotor) in self.rotors.iter().enumerate() {
+                let own = self.layout.rotors[index].self_inflow;
+                let scale = 1.0 / rotor.tip_speed();
+                let [vx, vy, vz] = work.hub[index][0].0;
+                let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
+                    &WakeOf { mass_flow: self.inflow.mass_flow },
+                    &[
+                        vx * scale,
+                        vy * -scale,
+                        vz * scale,
+                        state[own],
+                        state[own + 1],
+                        state[own + 2],
+                        work.inflow[index][0],
+                    ],
+                );
+                work.wake[index] =
+                    Wake { balance: [b0, b1c, b1s], circulation: [g0, g1c, g1s], skew: [xc, xs] };
+            }
+            let mut change = 0.0_f64;
+            for (index, places) in self.layout.rotors.iter().enumerate() {
+                let own = places.self_inflow;
+                let mut total = [state[own], state[own + 1], state[own + 2]];
+                for (source, table) in self.interference[index].iter().enumerate() {
+                    if let Some(table) = table {
+                        let ratio =
+                            self.rotors[source].tip_speed() / self.rotors[index].tip_speed();
+                        let added = induced(table, &work.wake[source], ratio);
+                        for k in 0..3 {
+                            total[k] += added[k];
+                        }
+                    }
+                }
+                work.inflow_target[index] = total;
+                if places.total_inflow.is_none() {
+                    change = change.max((total[0].value() - work.inflow[index][0].value()).abs());
+                    work.inflow[index] = total;
+                }
+            }
+            // One round more than the values need settles the tangents too.
+            if settled {
+                break;
+            }
+            settled = change < LOOP_TOLERANCE;
+        }
+    }
+
+    /// Velocity of the air that all rotors move at a point, body frame.
+    #[inline(always)]
+    fn wash<S: Scalar>(&self, tables: &[PointWash], work: &Workspace<S>) -> Vec3<S> {
+        let mut velocity = Vec3::<S>::default();
+        for (source, table) in tables.iter().enumerate() {
+            let rotor = &self.rotors[source];
+            let wake = &work.wake[source];
+            let [xc, xs] = wake.skew;
+            let [value, by_x, by_y] = table.evaluate_with_partials([-xc.value(), xs.value()]);
+            let strength = wake.circulation.map(S::value);
+            let dot = |w: &[f64; 3]| w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2];
+            let down = S::chain(
+                dot(&value),
+                &[-dot(&by_x), dot(&by_y), value[0], value[1], value[2]],
+                &[xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]],
+            ) * rotor.tip_speed();
+            let axis = rotor.frame.polar[2];
+            velocity += Vec3([down * axis[0], down * axis[1], down * axis[2]]);
+        }
+        velocity
+    }
+
+    /// Force and moment about the centre of gravity of everything but
+    /// gravity and the inertia of blades on an accelerating hub, body frame.
+    #[inline(always)]
+    fn external_loads<S: Scalar>(
+        &self,
+        air: Vec3<S>,
+        rate: Vec3<S>,
+        work: &mut Workspace<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let mut force = Vec3::<S>::default();
+        let mut moment = Vec3::<S>::default();
+        for (index, body) in self.fuselages.iter().enumerate() {
+            let tables = &self.fuselage_wash[index];
+            let wash = (!tables.is_empty()).then(|| self.wash(tables, work));
+            let loads = body.loads(air, rate, wash);
+            work.fuselage_loads[index] = loads;
+            force += loads.0;
+            moment += loads.1;
+        }
+        for (index, wing) in self.wings.iter().enumerate() {
+            let tables = &self.wing_wash[index];
+            let loads = if tables.is_empty() {
+                let ([u, v, w], [p, q, r]) = (air.0, rate.0);
+                let [fx, fy, fz, mx, my, mz] =
+                    S::compose(&UnwashedLoads { wing }, &[u, v, w, p, q, r]);
+                (Vec3([fx, fy, fz]), Vec3([mx, my, mz]))
+            } else {
+                wing.loads(air, rate, |strip| Some(self.wash(&tables[strip], work)))
+            };
+            work.wing_loads[index] = loads;
+            force += loads.0;
+            moment += loads.1;
+        }
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let loads = &work.loads[index];
+            let hub_force = loads.force_hub.rotated_back(&rotor.frame.polar);
+            let turn = rotor.frame.handedness;
+            let hub_moment = loads.moment_hub.rotated_back(&rotor.frame.polar);
+            force += hub_force;
+            moment += Vec3(hub_moment.0.map(|component| component * turn));
+            moment += -hub_force.cross_constant(rotor.position_body);
+        }
+        (force, moment)
+    }
+
+    /// Acceleration of a hub less gravity, and angular acceleration, in the
+    /// rotor's own hub frame.
+    #[inline(always)]
+    fn hub_acceleration<S: Scalar>(
+        &self,
+        index: usize,
+        rate: Vec3<S>,
+        specific_force: Vec3<S>,
+        angular: Vec3<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let rotor = &self.rotors[index];
+        let place = rotor.position_body;
+        let hub =
+            specific_force + angular.cross_constant(place) + rate.cross(rate.cross_constant(place));
+        let turn = rotor.frame.handedness;
+        (
+            hub.rotated(&rotor.frame.polar),
+            Vec3(angular.rotated(&rotor.frame.polar).0.map(|component| component * turn)),
+        )
+    }
+
+    /// Force and moment about the centre of gravity, body frame, that blades
+    /// return for an acceleration of their hub (less gravity) and an angular
+    /// acceleration of the airframe, both in the hub frame.
+    #[inline(always)]
+    fn returned<S: Scalar>(
+        &self,
+        index: usize,
+        blades: &[Vec3<S>; 3],
+        hub: Vec3<S>,
+        angular_hub: Vec3<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let rotor = &self.rotors[index];
+        let (force, moment, _) = rotor.acceleration_loads(blades, hub, angular_hub);
+        let force = force.rotated_back(&rotor.frame.polar);
+        let turn = rotor.frame.handedness;
+        let moment = Vec3(moment.rotated_back(&rotor.frame.polar).0.map(|c| c * turn));
+        (force, moment - force.cross_constant(rotor.position_body))
+    }
+
+    /// Solves Newton's and Euler's equations of airframe and blades for the
+    /// specific force and the angular acceleration.
+    #[inline(always)]
+    fn accelerate<S: Scalar>(
+        &self,
+        rate: Vec3<S>,
+        force: Vec3<S>,
+        moment: Vec3<S>,
+        work: &mut Workspace<S>,
+    ) {
+        let mut matrix = [[0.0; 6]; 6];
+        for k in 0..3 {
+            matrix[k][k] = self.mass;
+            for j in 0..3 {
+                matrix[3 + k][3 + j] = self.inertia[k][j];
+            }
+        }
+        let mut right = [S::default(); 6];
+        let gyroscopic = rate.cross(rate.rotated(&self.inertia));
+        for k in 0..3 {
+            right[k] = force.0[k];
+            right[3 + k] = moment.0[k] - gyroscopic.0[k];
+        }
+        let zero = Vec3::<S>::default();
+        for (index, rotor) in self.rotors.iter().enumerate() {
+            let (hub, _) = self.hub_acceleration(index, rate, zero, zero);
+            let (f, m) = self.returned(index, &work.blades[index], hub, zero);
+            for k in 0..3 {
+                right[k] += f.0[k];
+                right[3 + k] += m.0[k];
+            }
+            // Columns of the mass matrix: what unit accelerations return.
+            let blades = work.blades[index].map(|row| Vec3(row.value()));
+            let polar = &rotor.frame.polar;
+            let turn = rotor.frame.handedness;
+            for column in 0..6 {
+                let (hub, angular) = if column < 3 {
+                    ([polar[0][column], polar[1][column], polar[2][column]], [0.0; 3])
+                } else {
+                    let axis = column - 3;
+                    let mut unit = [0.0; 3];
+                    unit[axis] = 1.0;
+                    let arm = Vec3(unit).cross_constant(rotor.position_body).rotated(polar);
+                    (arm.0, [polar[0][axis] * turn, polar[1][axis] * turn, polar[2][axis] * turn])
+                };
+                let (f, m) = self.returned(index, &blades, Vec3(hub), Vec3(angular));
+                for k in 0..3 {
+                    matrix[k][column] -= f.0[k];
+                    matrix[3 + k][column] -= m.0[k];
+                }
+            }
+        }
+        let inverse = inverted(&matrix);
+        let value = right.map(S::value);
+        let mut solution = [0.0; 6];
+        for (row, out) in inverse.iter().zip(&mut solution) {
+            *out = row.iter().zip(&value).map(|(a, b)| a * b).sum();
+        }
+        let mut answer = solution.map(S::constant);
+        if S::TANGENTS > 0 {
+            // Differentiate the equations at the solution: the tangents of
+            // right − matrix · solution, through the inverse.
+            let still = [
+                Vec3::constant([solution[0], solution[1], solution[2]]),
+                Vec3::constant([solution[3], solution[4], solution[5]]),
+            ];
+            let mut residual = right;
+            let still_rate = zero;
+            for (index, _) in self.rotors.iter().enumerate() {
+                let (hub, angular) = self.hub_acceleration(index, still_rate, still[0], still[1]);
+                let (f, m) = self.returned(index, &work.blades[index], hub, angular);
+                for k in 0..3 {
+                    residual[k] += f.0[k];
+                    residual[3 + k] += m.0[k];
+                }
+            }
+            for k in 0..6 {
+                answer[k] = S::chain(solution[k], &inverse[k], &residual);
+            }
+        }
+        work.acceleration =
+            [Vec3([answer[0], answer[1], answer[2]]), Vec3([answer[3], answer[4], answer[5]])];
+    }
+}
+
+/// Inflow that a wake induces over a disk.
+#[inline(always)]
+fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3] {
+    let [xc, xs] = wake.skew;
+    let strength = wake.circulation.map(S::value);
+    let place = [-xc.value(), xs.value()];
+    let inputs = [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
+    let dot = |gain: &HubAxes<f64>, k: usize| {
+        ratio
+            * (gain[(k, 0)] * strength[0] + gain[(k, 1)] * strength[1] + gain[(k, 2)] * strength[2])
+    };
+    if S::TANGENTS == 0 {
+        let gain = table.evaluate(place);
+        return [0, 1, 2].map(|k| S::constant(dot(&gain, k)));
+    }
+    let (gain, by_x, by_y) = table.evaluate_with_partials(place);
+    [0, 1, 2].map(|k| {
+        let partials = [
+            -dot(&by_x, k),
+            dot(&by_y, k),
+            ratio * gain[(k, 0)],
+            ratio * gain[(k, 1)],
+            ratio * gain[(k, 2)],
+        ];
+        S::chain(dot(&gain, k), &partials, &inputs)
+    })
+}
+
+/// A point, from the centre of gravity, seen from a rotor's hub in its
+/// unmirrored hub frame.
+fn unmirrored(rotor: &Rotor, point_body: &[f64; 3]) -> [f64; 3] {
+    let offset = [0, 1, 2].map(|k| point_body[k] - rotor.position_body[k]);
+    let mut seen = Vec3(offset).rotated(&rotor.frame.polar).0;
+    seen[1] *= rotor.frame.handedness;
+    seen
+}
+
+/// Hub axes of a receiver in the source's unmirrored hub frame, as columns.
+fn axes_in(source: &Rotor, receiver: &Rotor) -> HubAxes<f64> {
+    let mut axes = HubAxes::zeros();
+    for (column, axis) in receiver.frame.polar.iter().enumerate() {
+        let mut seen = Vec3(*axis).rotated(&source.frame.polar).0;
+        seen[1] *= source.frame.handedness;
+        let sign = if column == 1 { receiver.frame.handedness } else { 1.0 };
+        for (row, value) in seen.iter().enumerate() {
+            axes[(row, column)] = sign * value;
+        }
+    }
+    axes
+}
+
+/// Slowest rotor speed (rad/s) and the shortest time (s) in which every rotor
+/// makes a whole number of blade passages.
+fn common_period(rotors: &[Rotor]) -> Result<(f64, f64), VehicleError> {
+    let passage = |rotor: &Rotor| std::f64::consts::TAU / (rotor.blades as f64 * rotor.speed);
+    let slowest = rotors.iter().map(|rotor| rotor.speed).fold(f64::INFINITY, f64::min);
+    let longest = rotors.iter().map(passage).fold(0.0, f64::max);
+    (1..=LONGEST_PERIOD)
+        .map(|count| count as f64 * longest)
+        .find(|period| {
+            rotors.iter().all(|rotor| {
+                let passages = period / passage(rotor);
+                (passages - passages.round()).abs() < PERIOD_TOLERANCE * passages
+            })
+        })
+        .map(|period| (slowest, period))
+        .ok_or(VehicleError::NoCommonPeriod { passages: LONGEST_PERIOD })
+}
+
+/// Inverse of the mass matrix by Gauss–Jordan elimination with partial
+/// pivoting; an all-NaN matrix where it is singular, which every caller
+/// detects as a rate that is not finite.
+fn inverted(matrix: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
+    let mut a = *matrix;
+    let mut inverse = [[0.0; 6]; 6];
+    for (k, row) in inverse.iter_mut().enumerate() {
+        row[k] = 1.0;
+    }
+    for column in 0..6 {
+        let mut pivot = column;
+        for row in column + 1..6 {
+            if a[row][column].abs() > a[pivot][column].abs() {
+                pivot = row;
+            }
+        }
+        a.swap(column, pivot);
+        inverse.swap(column, pivot);
+        let scale = 1.0 / a[column][column];
+        if !scale.is_finite() {
+            return [[f64::NAN; 6]; 6];
+        }
+        for k in 0..6 {
+            a[column][k] *= scale;
+            inverse[column][k] *= scale;
+        }
+        for row in 0..6 {
+            if row != column {
+                let factor = a[row][column];
+                for k in 0..6 {
+                    a[row][k] -= factor * a[column][k];
+                    inverse[row][k] -= factor * inverse[column][k];
+                }
+            }
+        }
+    }
+    inverse
+}
+
+/// Position of a station in the vehicle's body frame, for callers that draw.
+#[must_use]
+pub fn station_body(problem: &Problem, station: &crate::problem::Station) -> [f64; 3] {
+    position_body(station, &problem.mass.center_of_gravity)
+}

@@ -1,0 +1,744 @@
+//! Teetering and rigid rotors by blade elements.
+//!
+//! Everything here lives in the rotor's own hub frame (mirrored for a
+//! clockwise rotor), where the rotor turns counter-clockwise seen from above.
+//! Azimuth 0 is aft; the rotating frame F has x along blade 1, z along the
+//! shaft, down (Eq. 5).
+//!
+//! **Kinematics** (Eqs. 15–19). Blade `k` attaches at `e k_T` below the teeter
+//! hinge (undersling `e`) and flaps by β = β_T + β_p about j. With the hub
+//! velocity and the rate ω of F resolved in F, the section at radius r meets
+//!
+//! * u_T = −v_F + e(ω_x cos β_T − ω_z sin β_T) − r(ω_x sin β + ω_z cos β),
+//! * u_P = u_F sin β + w_F cos β + (e sin β_p − r)(β' + ω_y) − v_i cos β,
+//! * u_R = u_F cos β − w_F sin β + e cos β_p (β' + ω_y) + v_i sin β,
+//!
+//! each a constant and a slope in r. Seven numbers, these six and the root
+//! pitch, make the loads of a blade; their partial derivatives are taken by
+//! hand in the element loop.
+//!
+//! **Inertia.** Two teetering blades are one rigid body that turns with the
+//! teetering frame T. Its first moment about the hinge lies along k_T, and its
+//! inertia tensor is diagonal in T. Newton's and Euler's laws for it replace
+//! the printed expansions (Eqs. 22–23, 44, 47), which neglect some terms and
+//! misprint others, and hold exactly. The blade mass itself, as a point at the
+//! hub, belongs to the airframe (see `MassProperties`).
+
+use crate::numerics::scalar::{Local, Scalar, Vec3};
+use crate::problem::{self, HubKind, Spanwise};
+use crate::vehicle::VehicleError;
+use crate::vehicle::airfoil::Section;
+use crate::vehicle::atmosphere::Air;
+use crate::vehicle::frames::{HubFrame, position_body};
+use std::f64::consts::{PI, TAU};
+
+/// One blade element, ready for the inner loop.
+#[derive(Debug, Clone, Copy)]
+struct Element {
+    /// Radius, m.
+    radius: f64,
+    /// ½ρ c dr, kg/m.
+    half_density_area: f64,
+    /// Built-in twist, rad.
+    twist: f64,
+    /// Fraction of the element inside the tip-loss radius.
+    lifting: f64,
+}
+
+/// A rotor of the vehicle model.
+#[derive(Debug, Clone)]
+pub struct Rotor {
+    /// Name in the problem file.
+    pub name: String,
+    /// Hub position from the centre of gravity, body frame, m.
+    pub position_body: [f64; 3],
+    /// From the body frame to the rotor's own hub frame.
+    pub frame: HubFrame,
+    /// Radius R, m.
+    pub radius: f64,
+    /// Nominal speed Ω, rad/s.
+    pub speed: f64,
+    /// Number of blades.
+    pub blades: usize,
+    /// Azimuth of blade 1 at reference azimuth zero, rad.
+    pub azimuth_offset: f64,
+    /// Governor time constant, s; none holds the speed.
+    pub governor_time_constant: Option<f64>,
+    /// Teetering, or rigid.
+    pub teetering: bool,
+    teeter_torque_tilt: bool,
+    undersling: f64,
+    spring: f64,
+    tan_delta_3: f64,
+    precone: f64,
+    swashplate_phase: f64,
+    /// Mass of all blades, kg.
+    pub blade_mass_total: f64,
+    /// First moment of all blades about the hinge along k_T, kg m.
+    first_moment: f64,
+    /// Principal moments of all blades about the hinge in T, kg m².
+    inertia: [f64; 3],
+    elements: Vec<Element>,
+    section: Section,
+    sound_speed: f64,
+    density: f64,
+}
+
+/// Loads and rates of a rotor on a hub that does not accelerate.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RotorLoads<S> {
+    /// Force on the hub, aerodynamic and inertial, hub frame, N.
+    pub force_hub: Vec3<S>,
+    /// Moment on the hub about the teeter hinge, hub frame, N m.
+    pub moment_hub: Vec3<S>,
+    /// Teeter acceleration β_T'' on a hub that does not accelerate, rad/s².
+    pub teeter_acceleration: S,
+    /// Aerodynamic thrust coefficient C_T (Eq. 42a).
+    pub thrust_coefficient: S,
+    /// Aerodynamic roll-moment coefficient C_L about the hinge, hub frame.
+    pub roll_coefficient: S,
+    /// Aerodynamic pitch-moment coefficient C_M about the hinge, hub frame.
+    pub pitch_coefficient: S,
+}
+
+/// Where a rotor's shaft stands: the rotor speed and the azimuth of blade 1.
+#[derive(Debug, Clone, Copy)]
+pub struct Shaft<S> {
+    /// Speed Ω, rad/s.
+    pub speed: S,
+    /// Acceleration Ω', rad/s².
+    pub acceleration: S,
+    /// Sine of the azimuth of blade 1.
+    pub sine: S,
+    /// Cosine of the azimuth of blade 1.
+    pub cosine: S,
+}
+
+/// What a rotor feels and is told, in its own hub frame.
+#[derive(Debug, Clone, Copy)]
+pub struct RotorInput<S> {
+    /// Velocity of the hub through the air, m/s.
+    pub velocity_hub: Vec3<S>,
+    /// Angular velocity of the hub, rad/s.
+    pub rate_hub: Vec3<S>,
+    /// Multi-blade teeter angles β_1c, β_1s, rad (zero for a rigid rotor).
+    pub flapping: [S; 2],
+    /// Total inflow λ_0, λ_1c, λ_1s, positive down, on the nominal Ω R.
+    pub inflow: [S; 3],
+    /// Blade pitch θ_0, θ_1c, θ_1s, rad.
+    pub pitch: [S; 3],
+}
+
+/// Power that the air takes from the blades.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BladePower {
+    /// Section drag times section speed, W.
+    pub profile: f64,
+    /// Blade force times induced velocity, W.
+    pub induced: f64,
+}
+
+impl Spanwise {
+    /// Value at a station, linear between breakpoints, constant beyond.
+    #[must_use]
+    pub fn at(&self, station: f64) -> f64 {
+        let upper = self.station.partition_point(|&s| s < station);
+        if upper == 0 {
+            return self.value[0];
+        }
+        if upper == self.station.len() {
+            return self.value[upper - 1];
+        }
+        let (a, b) = (self.station[upper - 1], self.station[upper]);
+        let t = (station - a) / (b - a);
+        self.value[upper - 1] + t * (self.value[upper] - self.value[upper - 1])
+    }
+}
+
+impl Rotor {
+    /// The rotor of a problem in the given air.
+    ///
+    /// # Errors
+    /// An airfoil table that cannot be interpolated.
+    pub fn new(
+        rotor: &problem::Rotor,
+        center_of_gravity: &problem::Station,
+        air: &Air,
+    ) -> Result<Self, VehicleError> {
+        let section = Section::new(&rotor.airfoil)
+            .map_err(|source| VehicleError::Airfoil { of: rotor.name.clone(), source })?;
+        let count = rotor.elements;
+        let width = (1.0 - rotor.root_cutout) / count as f64;
+        let elements = (0..count)
+            .map(|k| {
+                let inner = rotor.root_cutout + k as f64 * width;
+                let station = inner + 0.5 * width;
+                Element {
+                    radius: station * rotor.radius,
+                    half_density_area: 0.5
+                        * air.density
+                        * rotor.chord.at(station)
+                        * width
+                        * rotor.radius,
+                    twist: rotor.twist.at(station),
+                    lifting: ((rotor.tip_loss - inner) / width).clamp(0.0, 1.0),
+                }
+            })
+            .collect();
+        let (teetering, undersling, spring, delta_3) = match rotor.hub_kind {
+            HubKind::Teetering { undersling, spring, delta_3 } => {
+                (true, undersling, spring, delta_3)
+            }
+            HubKind::Rigid => (false, 0.0, 0.0, 0.0),
+        };
+        let (n, m, first, second) = (
+            rotor.blades as f64,
+            rotor.blade_mass,
+            rotor.blade_first_moment,
+            rotor.blade_second_moment,
+        );
+        let (sp, cp) = rotor.precone.sin_cos();
+        // Second moments ∫x², ∫y², ∫z² dm of all blades in the T frame. Two
+        // blades lie in one plane; three or more spread evenly.
+        let in_plane = n * second * cp * cp;
+        let (xx, yy) =
+            if rotor.blades == 2 { (in_plane, 0.0) } else { (0.5 * in_plane, 0.5 * in_plane) };
+        let zz =
+            n * (m * undersling * undersling - 2.0 * undersling * first * sp + second * sp * sp);
+        Ok(Self {
+            name: rotor.name.clone(),
+            position_body: position_body(&rotor.hub, center_of_gravity),
+            frame: HubFrame::new(rotor.cant, rotor.tilt, rotor.direction),
+            radius: rotor.radius,
+            speed: rotor.speed,
+            blades: rotor.blades,
+            azimuth_offset: rotor.azimuth_offset,
+            governor_time_constant: rotor.governor.map(|g| g.time_constant),
+            teetering,
+            teeter_torque_tilt: rotor.teeter_torque_tilt,
+            undersling,
+            spring,
+            tan_delta_3: delta_3.tan(),
+            precone: rotor.precone,
+            swashplate_phase: rotor.swashplate_phase,
+            blade_mass_total: n * m,
+            first_moment: n * (m * undersling - first * sp),
+            inertia: [yy + zz, xx + zz, xx + yy],
+            elements,
+            section,
+            sound_speed: air.sound_speed,
+            density: air.density,
+        })
+    }
+
+    /// Force scale ρπR²(ΩR)², N.
+    #[must_use]
+    pub fn force_scale(&self) -> f64 {
+        self.density * PI * self.radius.powi(4) * self.speed * self.speed
+    }
+
+    /// Area of one blade ∫c dr, m².
+    #[must_use]
+    pub fn blade_area(&self) -> f64 {
+        self.elements.iter().map(|e| e.half_density_area).sum::<f64>() / (0.5 * self.density)
+    }
+
+    /// Built-in twist of the element nearest to a station r/R, rad.
+    #[must_use]
+    pub fn twist_at(&self, station: f64) -> f64 {
+        let off = |e: &Element| (e.radius / self.radius - station).abs();
+        self.elements.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map_or(0.0, |e| e.twist)
+    }
+
+    /// Tip speed ΩR at nominal speed, m/s.
+    #[must_use]
+    pub fn tip_speed(&self) -> f64 {
+        self.speed * self.radius
+    }
+
+    /// Teeter angle and rate of blade 1 from multi-blade coordinates:
+    /// variation of constants, so that β_T' has no rates of β_1c, β_1s.
+    #[inline(always)]
+    #[must_use]
+    pub fn teeter<S: Scalar>(&self, flapping: &[S; 2], shaft: &Shaft<S>) -> [S; 2] {
+        let [b1c, b1s] = *flapping;
+        [
+            b1c * shaft.cosine + b1s * shaft.sine,
+            (b1s * shaft.cosine - b1c * shaft.sine) * shaft.speed,
+        ]
+    }
+
+    /// Rates of β_1c, β_1s from the teeter acceleration of blade 1.
+    #[inline(always)]
+    #[must_use]
+    pub fn flapping_rates<S: Scalar>(
+        &self,
+        [teeter_angle, teeter_rate]: [S; 2],
+        teeter_acceleration: S,
+        shaft: &Shaft<S>,
+    ) -> [S; 2] {
+        let slip = teeter_rate * shaft.acceleration / shaft.speed;
+        let drive = teeter_angle * shaft.speed + (teeter_acceleration - slip) / shaft.speed;
+        [-(shaft.sine * drive), shaft.cosine * drive]
+    }
+
+    /// Loads on a hub that does not accelerate.
+    #[inline(always)]
+    pub fn loads<S: Scalar>(&self, input: &RotorInput<S>, shaft: &Shaft<S>) -> RotorLoads<S> {
+        let [l0, l1c, l1s] = input.inflow;
+        let [vx, vy, vz] = input.velocity_hub.0;
+        let [p, q, r] = input.rate_hub.0;
+        let omega = shaft.speed;
+        let [beta_t1, beta_rate1] = self.teeter(&input.flapping, shaft);
+        let (sin_t1, cos_t1) = beta_t1.sin_cos();
+        let (sin_precone, cos_precone) = self.precone.sin_cos();
+        let (sin_phase, cos_phase) = self.swashplate_phase.sin_cos();
+        let omega_z = r - omega;
+        // Inflow is scaled by the nominal tip speed, whatever the governor does.
+        let tip_speed = self.tip_speed();
+        let mut force = Vec3::<S>::default();
+        let mut moment = Vec3::<S>::default();
+
+        for blade in 0..self.blades {
+            let (s, c) = if blade == 0 {
+                (shaft.sine, shaft.cosine)
+            } else if self.blades == 2 {
+                (-shaft.sine, -shaft.cosine)
+            } else {
+                let (sk, ck) = (blade as f64 * TAU / self.blades as f64).sin_cos();
+                (shaft.sine * ck + shaft.cosine * sk, shaft.cosine * ck - shaft.sine * sk)
+            };
+            let sign = if blade == 0 { 1.0 } else { -1.0 };
+            let (beta_t, beta_rate, sin_t) = if self.teetering {
+                (beta_t1 * sign, beta_rate1 * sign, sin_t1 * sign)
+            } else {
+                (S::default(), S::default(), S::default())
+            };
+            let cos_t = if self.teetering { cos_t1 } else { S::constant(1.0) };
+            let sin_b = sin_t * cos_precone + cos_t * sin_precone;
+            let cos_b = cos_t * cos_precone - sin_t * sin_precone;
+
+            let u_f = vy * s - vx * c;
+            let v_f = -(vx * s + vy * c);
+            let omega_x = q * s - p * c;
+            let omega_y = -(p * s + q * c);
+            let flap = beta_rate + omega_y;
+            let inflow_slope = (l1c * c + l1s * s) * self.speed;
+            let inflow_root = l0 * tip_speed;
+            let e = self.undersling;
+            let pitch = input.pitch[0]
+                + input.pitch[1] * (c * cos_phase + s * sin_phase)
+                + input.pitch[2] * (s * cos_phase - c * sin_phase)
+                + beta_t * self.tan_delta_3;
+            let flow = [
+                (omega_x * cos_t - omega_z * sin_t) * e - v_f,
+                -(omega_x * sin_b + omega_z * cos_b),
+                u_f * sin_b + vz * cos_b + flap * (e * sin_precone) - inflow_root * cos_b,
+                -flap - inflow_slope * cos_b,
+                u_f * cos_b - vz * sin_b + flap * (e * cos_precone) + inflow_root * sin_b,
+                inflow_slope * sin_b,
+                pitch,
+            ];
+            let [f_t, f_p, r_f_t, r_f_p] = self.blade(&flow);
+
+            // Blade frame to F: force (0, −F_T, F_P), moment about the
+            // attachment (0, −∫r f_P, −∫r f_T), attachment at e k_T.
+            let (fx, fy, fz) = (sin_b * f_p, -f_t, cos_b * f_p);
+            let (px, pz) = (sin_t * e, cos_t * e);
+            let mx = -(sin_b * r_f_t) - pz * fy;
+            let my = pz * fx - px * fz - r_f_p;
+            let mz = px * fy - cos_b * r_f_t;
+            force += Vec3([-(c * fx + s * fy), s * fx - c * fy, fz]);
+            moment += Vec3([-(c * mx + s * my), s * mx - c * my, mz]);
+        }
+
+        let scale = 1.0 / self.force_scale();
+        let thrust_coefficient = force.0[2] * -scale;
+        let roll_coefficient = moment.0[0] * (scale / self.radius);
+        let pitch_coefficient = moment.0[1] * (scale / self.radius);
+
+        // The blades as one rigid body in the T frame of blade 1.
+        let (s, c) = (shaft.sine, shaft.cosine);
+        let omega_x = q * s - p * c;
+        let omega_y = -(p * s + q * c);
+        let (tilt_s, tilt_c) =
+            if self.teetering { (sin_t1, cos_t1) } else { (S::default(), S::constant(1.0)) };
+        let beta_rate = if self.teetering { beta_rate1 } else { S::default() };
+        let rate = Vec3([
+            tilt_c * omega_x - tilt_s * omega_z,
+            omega_y + beta_rate,
+            tilt_s * omega_x + tilt_c * omega_z,
+        ]);
+        // Acceleration of T less its own teeter acceleration: the shaft turns
+        // with the hub, and the hinge with the shaft.
+        let alpha_f = [
+            -(omega * omega_y) - beta_rate * omega_z,
+            omega * omega_x,
+            beta_rate * omega_x - shaft.acceleration,
+        ];
+        let alpha = [
+            tilt_c * alpha_f[0] - tilt_s * alpha_f[2],
+            alpha_f[1],
+            tilt_s * alpha_f[0] + tilt_c * alpha_f[2],
+        ];
+        let [jx, jy, jz] = self.inertia;
+        let [wx, wy, wz] = rate.0;
+        let (mx_f, my_f) =
+            (s * moment.0[1] - c * moment.0[0], -(s * moment.0[0] + c * moment.0[1]));
+        let moment_f = [mx_f, my_f, moment.0[2]];
+        // In-plane moments tilt with the blades; the switch leaves them
+        // about the shaft and the spanwise line in the disk.
+        let (mt_s, mt_c) = if self.teeter_torque_tilt {
+            (tilt_s, tilt_c)
+        } else {
+            (S::default(), S::constant(1.0))
+        };
+        let aero_t = [
+            mt_c * moment_f[0] - mt_s * moment_f[2],
+            moment_f[1],
+            mt_s * moment_f[0] + mt_c * moment_f[2],
+        ];
+        let gyro_y = wx * wz * (jx - jz);
+        let (alpha_y, teeter_acceleration, hub_my) = if self.teetering {
+            let spring = beta_t1 * self.spring;
+            let alpha_y = (aero_t[1] - spring - gyro_y) * (1.0 / jy);
+            (alpha_y, alpha_y - alpha[1], spring)
+        } else {
+            (alpha[1], S::default(), aero_t[1] - alpha[1] * jy - gyro_y)
+        };
+        let hub_t = [
+            aero_t[0] - alpha[0] * jx - wy * wz * (jz - jy),
+            hub_my,
+            aero_t[2] - alpha[2] * jz - wx * wy * (jy - jx),
+        ];
+        let hub_f =
+            [mt_c * hub_t[0] + mt_s * hub_t[2], hub_t[1], mt_c * hub_t[2] - mt_s * hub_t[0]];
+        let moment_hub =
+            Vec3([-(c * hub_f[0] + s * hub_f[1]), s * hub_f[0] - c * hub_f[1], hub_f[2]]);
+        let sz = -self.first_moment;
+        let inertial_t =
+            [(alpha_y + wx * wz) * sz, (wy * wz - alpha[0]) * sz, (wx * wx + wy * wy) * -sz];
+        let inertial_f = [
+            tilt_c * inertial_t[0] + tilt_s * inertial_t[2],
+            inertial_t[1],
+            tilt_c * inertial_t[2] - tilt_s * inertial_t[0],
+        ];
+        let force_hub = force
+            + Vec3([
+                -(c * inertial_f[0] + s * inertial_f[1]),
+                s * inertial_f[0] - c * inertial_f[1],
+                inertial_f[2],
+            ]);
+        RotorLoads {
+            force_hub,
+            moment_hub,
+            teeter_acceleration,
+            thrust_coefficient,
+            roll_coefficient,
+            pitch_coefficient,
+        }
+    }
+
+    /// Rows of the rotation from the rotor's hub frame to the frame in which
+    /// its inertia is diagonal (T for a teetering rotor, F for a rigid one).
+    #[inline(always)]
+    pub fn hub_to_blades<S: Scalar>(&self, teeter_angle: S, shaft: &Shaft<S>) -> [Vec3<S>; 3] {
+        let (s, c) = (shaft.sine, shaft.cosine);
+        let (st, ct) =
+            if self.teetering { teeter_angle.sin_cos() } else { (S::default(), S::constant(1.0)) };
+        [
+            Vec3([-(c * ct), s * ct, -st]),
+            Vec3([-s, -c, S::default()]),
+            Vec3([-(c * st), s * st, ct]),
+        ]
+    }
+
+    /// What acceleration of the hub adds: force and moment on the hub (hub
+    /// frame) and teeter acceleration, linear in the acceleration of the hub
+    /// less gravity and in its angular acceleration (both hub frame). The
+    /// blade mass at the hub itself is the airframe's.
+    #[inline(always)]
+    pub fn acceleration_loads<S: Scalar>(
+        &self,
+        blades: &[Vec3<S>; 3],
+        acceleration_hub: Vec3<S>,
+        angular_acceleration_hub: Vec3<S>,
+    ) -> (Vec3<S>, Vec3<S>, S) {
+        let a = blades.map(|row| row.dot(acceleration_hub));
+        let w = blades.map(|row| row.dot(angular_acceleration_hub));
+        let sz = self.first_moment;
+        let [jx, jy, jz] = self.inertia;
+        let (alpha_y, my, teeter) = if self.teetering {
+            let alpha_y = a[0] * (-sz / jy);
+            (alpha_y, S::default(), alpha_y - w[1])
+        } else {
+            (w[1], w[1] * -jy - a[0] * sz, S::default())
+        };
+        let force = [alpha_y * -sz, w[0] * sz, S::default()];
+        let moment = [w[0] * -jx + a[1] * sz, my, w[2] * -jz];
+        let back =
+            |t: [S; 3]| blades[0].scale(t[0]) + blades[1].scale(t[1]) + blades[2].scale(t[2]);
+        let moment_hub = if self.teeter_torque_tilt || !self.teetering {
+            back(moment)
+        } else {
+            // In-plane moments about the shaft and the line of the blades.
+            let along = Vec3([blades[1].0[1], -blades[1].0[0], S::default()]);
+            along.scale(moment[0])
+                + blades[1].scale(moment[1])
+                + Vec3([S::default(), S::default(), moment[2]])
+        };
+        (back(force), moment_hub, teeter)
+    }
+
+    /// ∫f_T, ∫f_P, ∫r f_T, ∫r f_P over a blade (Eqs. 34, 38): N and N m, f_T
+    /// forward along the motion, f_P down, from the flow `[u_T0, u_T1, u_P0,
+    /// u_P1, u_R0, u_R1, root pitch]`, speeds `u_0 + u_1 r`.
+    #[inline(always)]
+    fn blade<S: Scalar>(&self, flow: &[S; 7]) -> [S; 4] {
+        let value = flow.map(S::value);
+        if S::TANGENTS == 0 {
+            self.blade_loads(&value).map(S::constant)
+        } else {
+            let (loads, partials) = self.blade_loads_with_partials(&value);
+            let mut result = [S::default(); 4];
+            for k in 0..4 {
+                result[k] = S::chain(loads[k], &partials[k], flow);
+            }
+            result
+        }
+    }
+
+    #[inline(never)]
+    fn blade_loads(&self, flow: &[f64; 7]) -> [f64; 4] {
+        let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
+        let inverse_sound = 1.0 / self.sound_speed;
+        let mut sum = [0.0; 4];
+        for element in &self.elements {
+            let r = element.radius;
+            let (ut, up, ur) = (t0 + t1 * r, p0 + p1 * r, r0 + r1 * r);
+            let u2 = ut * ut + up * up;
+            let u = u2.sqrt();
+            let mach = (u2 + ur * ur).sqrt() * inverse_sound;
+            let alpha = pitch + element.twist + up.atan2(ut);
+            let (lift, drag) = self.section.lift_drag(alpha, mach);
+            let lift = lift * element.lifting;
+            let k = element.half_density_area * u;
+            let f_t = k * (lift * up - drag * ut);
+            let f_p = -k * (lift * ut + drag * up);
+            sum[0] += f_t;
+            sum[1] += f_p;
+            sum[2] += r * f_t;
+            sum[3] += r * f_p;
+        }
+        sum
+    }
+
+    #[inline(never)]
+    fn blade_loads_with_partials(&self, flow: &[f64; 7]) -> ([f64; 4], [[f64; 7]; 4]) {
+        let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
+        let inverse_sound = 1.0 / self.sound_speed;
+        let mut sum = [0.0; 4];
+        // Moments in r of orders 0, 1, 2 of the partials of f_T, f_P.
+        let mut by_t = [[0.0; 3]; 2];
+        let mut by_p = [[0.0; 3]; 2];
+        let mut by_r = [[0.0; 3]; 2];
+        let mut by_pitch = [[0.0; 2]; 2];
+        for element in &self.elements {
+            let r = element.radius;
+            let (ut, up, ur) = (t0 + t1 * r, p0 + p1 * r, r0 + r1 * r);
+            let u2 = ut * ut + up * up;
+            let u = u2.sqrt();
+            let total = (u2 + ur * ur).sqrt();
+            let mach = total * inverse_sound;
+            let alpha = pitch + element.twist + up.atan2(ut);
+            let section = self.section.coefficients(alpha, mach);
+            let lifting = element.lifting;
+            let (lift, drag) = (section.lift * lifting, section.drag);
+            let (lift_a, drag_a) = (section.lift_alpha * lifting, section.drag_alpha);
+            let (lift_m, drag_m) = (section.lift_mach * lifting, section.drag_mach);
+            let k = element.half_density_area * u;
+            let (g_t, g_p) = (lift * up - drag * ut, -(lift * ut + drag * up));
+            let (f_t, f_p) = (k * g_t, k * g_p);
+            sum[0] += f_t;
+            sum[1] += f_p;
+            sum[2] += r * f_t;
+            sum[3] += r * f_p;
+            let inverse_u2 = if u2 > 0.0 { 1.0 / u2 } else { 0.0 };
+            let inverse_total = if total > 0.0 { inverse_sound / total } else { 0.0 };
+            // Slopes of f with angle of attack and Mach.
+            let (t_a, p_a) = (k * (lift_a * up - drag_a * ut), -k * (lift_a * ut + drag_a * up));
+            let (t_m, p_m) = (k * (lift_m * up - drag_m * ut), -k * (lift_m * ut + drag_m * up));
+            let (a_t, a_p) = (-up * inverse_u2, ut * inverse_u2);
+            let (m_t, m_p, m_r) = (ut * inverse_total, up * inverse_total, ur * inverse_total);
+            let (s_t, s_p) = (ut * inverse_u2, up * inverse_u2);
+            let partial = [
+                [
+                    f_t * s_t - k * drag + t_a * a_t + t_m * m_t,
+                    f_t * s_p + k * lift + t_a * a_p + t_m * m_p,
+                    t_m * m_r,
+                    t_a,
+                ],
+                [
+                    f_p * s_t - k * lift + p_a * a_t + p_m * m_t,
+                    f_p * s_p - k * drag + p_a * a_p + p_m * m_p,
+                    p_m * m_r,
+                    p_a,
+                ],
+            ];
+            let powers = [1.0, r, r * r];
+            for load in 0..2 {
+                for order in 0..3 {
+                    by_t[load][order] += partial[load][0] * powers[order];
+                    by_p[load][order] += partial[load][1] * powers[order];
+                    by_r[load][order] += partial[load][2] * powers[order];
+                }
+                by_pitch[load][0] += partial[load][3];
+                by_pitch[load][1] += partial[load][3] * r;
+            }
+        }
+        let mut partials = [[0.0; 7]; 4];
+        for load in 0..2 {
+            for order in 0..2 {
+                partials[load + 2 * order] = [
+                    by_t[load][order],
+                    by_t[load][order + 1],
+                    by_p[load][order],
+                    by_p[load][order + 1],
+                    by_r[load][order],
+                    by_r[load][order + 1],
+                    by_pitch[load][order],
+                ];
+            }
+        }
+        (sum, partials)
+    }
+
+    /// Power that the air takes from all blades, section by section.
+    #[must_use]
+    pub fn blade_power(&self, input: &RotorInput<f64>, shaft: &Shaft<f64>) -> BladePower {
+        let mut probe = PowerProbe { rotor: self, power: BladePower::default() };
+        probe.run(input, shaft);
+        probe.power
+    }
+}
+
+/// Walks the blades once more in plain numbers to split their power.
+struct PowerProbe<'a> {
+    rotor: &'a Rotor,
+    power: BladePower,
+}
+
+impl PowerProbe<'_> {
+    fn run(&mut self, input: &RotorInput<f64>, shaft: &Shaft<f64>) {
+        let rotor = self.rotor;
+        let [vx, vy, vz] = input.velocity_hub.0;
+        let [p, q, r] = input.rate_hub.0;
+        let [beta_1, rate_1] = rotor.teeter(&input.flapping, shaft);
+        for blade in 0..rotor.blades {
+            let azimuth = shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.blades as f64;
+            let (s, c) = azimuth.sin_cos();
+            let sign = if !rotor.teetering {
+                0.0
+            } else if blade == 0 {
+                1.0
+            } else {
+                -1.0
+            };
+            let (beta_t, beta_rate) = (sign * beta_1, sign * rate_1);
+            let beta = beta_t + rotor.precone;
+            // Velocities by the cross product, not by the expanded forms.
+            let velocity_f = Vec3([vy * s - vx * c, -vx * s - vy * c, vz]);
+            let rate_f = Vec3([q * s - p * c, -p * s - q * c + beta_rate, r - shaft.speed]);
+            let pitch = input.pitch[0]
+                + input.pitch[1] * (azimuth - rotor.swashplate_phase).cos()
+                + input.pitch[2] * (azimuth - rotor.swashplate_phase).sin()
+                + beta_t * rotor.tan_delta_3;
+            for element in &rotor.elements {
+                let x = element.radius;
+                let e = rotor.undersling;
+                let place = Vec3([
+                    e * beta_t.sin() + x * beta.cos(),
+                    0.0,
+                    e * beta_t.cos() - x * beta.sin(),
+                ]);
+                let inflow = rotor.speed
+                    * (rotor.radius * input.inflow[0]
+                        + x * (input.inflow[1] * c + input.inflow[2] * s));
+                let air_f = velocity_f + rate_f.cross(place) - Vec3([0.0, 0.0, inflow]);
+                let blade_k = Vec3([beta.sin(), 0.0, beta.cos()]);
+                let blade_i = Vec3([beta.cos(), 0.0, -beta.sin()]);
+                let (ut, up, ur) = (-air_f.0[1], air_f.dot(blade_k), air_f.dot(blade_i));
+                let u = ut.hypot(up);
+                let mach = u.hypot(ur) / rotor.sound_speed;
+                let (lift, drag) =
+                    rotor.section.lift_drag(pitch + element.twist + up.atan2(ut), mach);
+                let lift = lift * element.lifting;
+                let k = element.half_density_area * u;
+                let f_p = -k * (lift * ut + drag * up);
+                self.power.profile += k * drag * u * u;
+                self.power.induced -= f_p * beta.cos() * inflow;
+            }
+        }
+    }
+}
+
+/// Rotor loads as a local function: constant speed, 14 inputs.
+pub(super) struct LoadsAtSpeed<'a> {
+    pub rotor: &'a Rotor,
+    /// Sine and cosine of the azimuth of blade 1.
+    pub azimuth: (f64, f64),
+}
+
+impl Local<14, 10> for LoadsAtSpeed<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, x: &[T; 14]) -> [T; 10] {
+        let shaft = Shaft {
+            speed: T::constant(self.rotor.speed),
+            acceleration: T::default(),
+            sine: T::constant(self.azimuth.0),
+            cosine: T::constant(self.azimuth.1),
+        };
+        pack(self.rotor.loads(&unpack(&x[..14]), &shaft))
+    }
+}
+
+/// Rotor loads as a local function: governed speed, 17 inputs.
+pub(super) struct LoadsGoverned<'a> {
+    pub rotor: &'a Rotor,
+}
+
+impl Local<18, 10> for LoadsGoverned<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, x: &[T; 18]) -> [T; 10] {
+        let shaft = Shaft { speed: x[14], acceleration: x[15], sine: x[16], cosine: x[17] };
+        pack(self.rotor.loads(&unpack(&x[..14]), &shaft))
+    }
+}
+
+#[inline(always)]
+fn unpack<T: Scalar>(x: &[T]) -> RotorInput<T> {
+    RotorInput {
+        velocity_hub: Vec3([x[0], x[1], x[2]]),
+        rate_hub: Vec3([x[3], x[4], x[5]]),
+        flapping: [x[6], x[7]],
+        inflow: [x[8], x[9], x[10]],
+        pitch: [x[11], x[12], x[13]],
+    }
+}
+
+#[inline(always)]
+fn pack<T: Scalar>(loads: RotorLoads<T>) -> [T; 10] {
+    let ([fx, fy, fz], [mx, my, mz]) = (loads.force_hub.0, loads.moment_hub.0);
+    [
+        fx,
+        fy,
+        fz,
+        mx,
+        my,
+        mz,
+        loads.teeter_acceleration,
+        loads.thrust_coefficient,
+        loads.roll_coefficient,
+        loads.pitch_coefficient,
+    ]
+}
