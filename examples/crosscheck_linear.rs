@@ -1,11 +1,14 @@
 //! Writes models and what this library finds of them as JSON, to be checked
 //! by an independent implementation: see `tests/crosscheck/linear.py`.
+//!
+//! With a path as argument, also writes the hover model of the appendix there
+//! as a MAT file.
 
 use coaxdesign::linear::dense::eigenvalues;
 use coaxdesign::linear::frequency::{frequency_response, log_grid};
-use coaxdesign::linear::io::{ModelRecord, to_json};
+use coaxdesign::linear::io::{ModelRecord, to_json, to_mat};
 use coaxdesign::linear::reduction::{
-    BalancedOptions, Method, RIGID_BODY, balanced, hankel_singular_values, residualise,
+    BalancedOptions, Method, balanced, hankel_singular_values, residualise,
 };
 use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::structure::zeros;
@@ -15,10 +18,23 @@ use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
+    if let Some(path) = std::env::args_os().nth(1) {
+        let record = ModelRecord {
+            speed: 0.0,
+            interactions: Some(true),
+            model: appendix(Condition::Hover)?,
+        };
+        std::fs::write(path, to_mat(&record, System::Us))?;
+    }
     let forward = appendix(Condition::Forward)?;
     let mut cases = vec![
-        case("appendix, hover", &appendix(Condition::Hover)?, 0.0, &["p", "q"])?,
-        case("appendix, forward", &forward, 70.0 * KNOT, &RIGID_BODY[..6])?,
+        case(
+            "appendix, hover",
+            &appendix(Condition::Hover)?,
+            0.0,
+            &["u", "v", "p", "q", "phi", "theta"],
+        )?,
+        case("appendix, forward", &forward, 70.0 * KNOT, &["u", "v", "p", "r", "phi", "theta"])?,
         case("random stable, 20 states", &random(20, 1, 3, 4)?, 0.0, &["x0", "x5", "x11"])?,
         case("random stable, 9 states", &random(9, 6, 2, 2)?, 0.0, &["x1", "x2", "x3", "x8"])?,
         case("wide scaling, 12 states", &badly_scaled(12)?, 0.0, &["x0", "x1", "x2"])?,

@@ -250,6 +250,12 @@ fn a_singular_fast_block_names_its_states() {
         other => panic!("{other}"),
     }
     assert!(error.to_string().contains("drift"));
+    // Attitudes integrate the kept rates: it is they that are named.
+    let hover = appendix(Condition::Hover).unwrap();
+    match residualise(&hover, &["p", "q"]).unwrap_err() {
+        LinearError::SingularFastBlock { states, .. } => assert!(states.contains(&"theta".into())),
+        other => panic!("{other}"),
+    }
     let unknown = residualise(&model, &["sped"]).unwrap_err().to_string();
     assert!(unknown.contains("did you mean \"speed\""), "{unknown}");
     // Nothing but its own output depends on `drift`.
