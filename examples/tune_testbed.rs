@@ -30,13 +30,32 @@ fn main() {
                 off_nominal: t(4.5, 35.0, odrb, 6.0, ow, x.map(|_| 5.0)),
                 integral_ratio: ratio,
                 priority: 1.0,
+                speeds: [0.0, 200.0],
             }
         };
+    let ot = |pm: f64| Targets {
+        drb: Some(0.1),
+        drp: Some(metrics::from_decibels(4.0)),
+        ..t(6.0, pm, 0.1, 4.0, None, None)
+    };
+    let outer = ChannelSpec {
+        nominal: ot(43.0),
+        off_nominal: Targets {
+            drb: Some(0.08),
+            drp: Some(metrics::from_decibels(5.0)),
+            ..t(4.5, 33.0, 0.1, 4.0, None, None)
+        },
+        integral_ratio: [0.02, 0.5],
+        priority: 1.0,
+        speeds: [0.0, 200.0],
+    };
     let channels = vec![
         (Channel::Roll, spec(0.7, 0.6, Some(2.0), Some(1.7), Some(4.5), [0.1, 2.0])),
         (Channel::Pitch, spec(0.5, 0.42, Some(1.5), Some(1.25), Some(4.5), [0.1, 2.0])),
         (Channel::Yaw, spec(0.7, 0.6, Some(1.5), Some(1.25), Some(4.5), [0.0, 10.0])),
         (Channel::Heave, spec(1.0, 0.85, None, None, None, [0.1, 10.0])),
+        (Channel::Vx, outer),
+        (Channel::Vy, outer),
     ];
     let problem = TuningProblem {
         set: &set,
@@ -45,18 +64,8 @@ fn main() {
         channels,
         options: TuningOptions::default(),
     };
-    let start: Vec<GainSet> = speeds
-        .iter()
-        .map(|_| {
-            let mut g = GainSet::default();
-            for c in &Channel::ALL[..4] {
-                g[c.index()] = start_gains(*c, 0.152, [0.1, 2.0]);
-            }
-            g
-        })
-        .collect();
     let clock = std::time::Instant::now();
-    let out = problem.tune(&start).unwrap();
+    let out = problem.tune(None).unwrap();
     println!(
         "time {:.2} s, {:?}, sweeps {} change {:.3}",
         clock.elapsed().as_secs_f64(),
@@ -82,7 +91,7 @@ fn main() {
                 grid.clone(),
             )
             .unwrap();
-            for c in &Channel::ALL[..4] {
+            for c in &Channel::ALL {
                 let x = out.gains[v][c.index()].values(*c);
                 let l = lm.channel(&out.gains[v], *c, &[Cut::Effector]);
                 let curve = l.loop_curve(0, &x);

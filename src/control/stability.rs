@@ -48,14 +48,6 @@ impl Builder {
             self.a[(state, j)] += by * v;
         }
     }
-    /// A first-order lag of `input`.
-    fn lag(&mut self, bandwidth: f64, input: &Signal) -> Signal {
-        let k = self.states(1);
-        let own = self.state(k);
-        self.feed(k, bandwidth, input);
-        self.feed(k, -bandwidth, &own);
-        own
-    }
     fn integral(&mut self, input: &Signal) -> Signal {
         let k = self.states(1);
         self.feed(k, 1.0, input);

@@ -12,14 +12,17 @@
 //! the program always has a solution and an unattainable specification ends
 //! in the least-violating design.
 
-use super::axis::{Channel, ChannelGains, Gain, GainSet};
+use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::kite::Kite;
 use super::loops::{
-    Affine, ChannelLoops, Cut, LawSettings, LoopModel, affine_value, real_row, without_hold,
+    Affine, ChannelLoops, Cut, FrequencyModel, LawSettings, LoopModel, affine_value, real_row,
+    without_hold,
 };
 use super::metrics;
-use super::plant::{Hardware, Inversion, ModelClass, ModelSet, PlantError};
+use super::plant::{Hardware, Inversion, ModelClass, ModelSet, Plant, PlantError};
+use super::stability;
 use crate::numerics::conic::{AffineRow, ConicError, Program, Solution, Status};
+use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -55,9 +58,17 @@ pub struct ChannelSpec {
     pub integral_ratio: [f64; 2],
     /// Factor on this channel's prices: above one, its specs give way last.
     pub priority: f64,
+    /// Lowest and highest speed at which the channel is closed, m/s.
+    pub speeds: [f64; 2],
 }
 
 impl ChannelSpec {
+    /// Whether the channel is closed at a speed, m/s.
+    pub fn applies(&self, speed: f64) -> bool {
+        let slack = 1e-6;
+        speed >= self.speeds[0] - slack && speed <= self.speeds[1] + slack
+    }
+
     /// Targets of a class.
     pub fn targets(&self, class: ModelClass) -> &Targets {
         match class {
@@ -234,6 +245,7 @@ fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool
 }
 
 /// One speed and model within a channel's problem.
+#[derive(Clone)]
 struct Site {
     speed: usize,
     nominal: bool,
@@ -247,11 +259,14 @@ struct Site {
 }
 
 /// One channel over all speeds and models, other channels fixed.
+#[derive(Clone)]
 pub struct ChannelProblem<'a> {
     channel: Channel,
     spec: &'a ChannelSpec,
     options: &'a TuningOptions,
-    speeds: &'a [f64],
+    /// Places of this channel's speeds among all.
+    places: Vec<usize>,
+    speeds: Vec<f64>,
     sites: Vec<Site>,
     /// Activity² at the start of this run, by speed.
     reference_activity: Vec<f64>,
@@ -298,6 +313,10 @@ const MARGIN_REACH: f64 = 20.0;
 const MARGIN_DISTANCE: f64 = 0.5;
 /// Highest frequency at which the rejection peak is required, rad/s.
 const PEAK_BAND: f64 = 25.0;
+/// A violation beyond this, in slack units, makes other starts worth trying.
+const RESCUE_VIOLATION: f64 = 2e-3;
+/// Programs per such start at most.
+const RESCUE_ITERATIONS: usize = 10;
 /// Price of a unit of K_I/K_P ratio violation.
 const RATIO_PRICE: f64 = 300.0;
 
@@ -310,13 +329,15 @@ impl<'a> ChannelProblem<'a> {
         spec: &'a ChannelSpec,
         classes: &[ModelClass],
         models: &[Vec<LoopModel>],
-        speeds: &'a [f64],
+        speeds: &[f64],
         gains: &[GainSet],
         growth: f64,
         options: &'a TuningOptions,
     ) -> Self {
-        let pairs: Vec<(usize, usize)> =
-            (0..models.len()).flat_map(|v| (0..models[v].len()).map(move |m| (v, m))).collect();
+        let places: Vec<usize> = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
+        let pairs: Vec<(usize, usize)> = (0..places.len())
+            .flat_map(|v| (0..models[places[v]].len()).map(move |m| (v, m)))
+            .collect();
         // The effector cut comes first: activity is counted there. An outer
         // loop also has margins of its own.
         let cuts: &[Cut] =
@@ -325,7 +346,7 @@ impl<'a> ChannelProblem<'a> {
             .par_iter()
             .map(|&(v, m)| {
                 let targets = *spec.targets(classes[m]);
-                let loops = models[v][m].channel(&gains[v], channel, cuts);
+                let loops = models[places[v]][m].channel(&gains[places[v]], channel, cuts);
                 let back = metrics::from_decibels(options.gain_back_off);
                 let kite = Kite::new(
                     targets.gain_up.powf(growth) * back,
@@ -349,12 +370,13 @@ impl<'a> ChannelProblem<'a> {
             channel,
             spec,
             options,
-            speeds,
+            speeds: places.iter().map(|&v| speeds[v]).collect(),
+            reference_activity: vec![1.0; places.len()],
+            places,
             sites,
-            reference_activity: vec![1.0; speeds.len()],
             stats: TuningStats::default(),
         };
-        let x: Vec<Vec<f64>> = gains.iter().map(|g| g[channel.index()].values(channel)).collect();
+        let x = problem.values(gains);
         for site in &problem.sites {
             if site.nominal {
                 problem.reference_activity[site.speed] =
@@ -362,6 +384,18 @@ impl<'a> ChannelProblem<'a> {
             }
         }
         problem
+    }
+
+    /// This channel's gains by its speeds.
+    pub fn values(&self, gains: &[GainSet]) -> Vec<Vec<f64>> {
+        let channel = self.channel;
+        self.places.iter().map(|&v| gains[v][channel.index()].values(channel)).collect()
+    }
+
+    fn write(&self, x: &[Vec<f64>], gains: &mut [GainSet]) {
+        for (&v, x) in self.places.iter().zip(x) {
+            gains[v][self.channel.index()] = ChannelGains::from_values(self.channel, x);
+        }
     }
 
     fn gain_count(&self) -> usize {
@@ -446,9 +480,7 @@ impl<'a> ChannelProblem<'a> {
 
     /// Runs the sequence from `gains` and writes the result back.
     pub fn run(&mut self, gains: &mut [GainSet]) -> Result<Merit, TuningError> {
-        let channel = self.channel;
-        let mut x: Vec<Vec<f64>> =
-            gains.iter().map(|g| g[channel.index()].values(channel)).collect();
+        let mut x = self.values(gains);
         let clock = Instant::now();
         let Some(mut best) = self.merit(&x, None) else {
             return Err(TuningError::Empty("the starting gains give a non-finite loop"));
@@ -507,9 +539,7 @@ impl<'a> ChannelProblem<'a> {
                 }
             }
         }
-        for (g, x) in gains.iter_mut().zip(&x) {
-            g[channel.index()] = ChannelGains::from_values(channel, x);
-        }
+        self.write(&x, gains);
         Ok(best)
     }
 
@@ -951,6 +981,190 @@ fn push_cone(
     out.cones.push((kind, [bound, re, im]));
 }
 
+/// What the sweeps over channels share.
+struct Run<'a> {
+    classes: &'a [ModelClass],
+    models: &'a [Vec<LoopModel>],
+    speeds: &'a [f64],
+    options: &'a TuningOptions,
+}
+
+struct Sweeps {
+    merits: Vec<(Channel, Merit)>,
+    sweeps: usize,
+    last_change: f64,
+}
+
+impl Run<'_> {
+    /// Growth of the kite, then Gauss–Seidel sweeps over a group of channels.
+    fn sweeps(
+        &self,
+        group: &[(Channel, ChannelSpec)],
+        gains: &mut [GainSet],
+        stats: &mut TuningStats,
+    ) -> Result<Sweeps, TuningError> {
+        let group: Vec<(Channel, &ChannelSpec)> = group.iter().map(|c| (c.0, &c.1)).collect();
+        let mut merits: Vec<(Channel, Merit)> = Vec::new();
+        let mut last_change = f64::INFINITY;
+        let mut sweeps = 0;
+        let stages = self
+            .options
+            .growth
+            .iter()
+            .map(|&g| (g, 6))
+            .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
+        for (growth, iterations) in stages {
+            let trust = match sweeps {
+                0 => self.options.trust,
+                k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
+            };
+            let options = TuningOptions { iterations, trust, ..self.options.clone() };
+            let before = gains.to_vec();
+            merits.clear();
+            let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
+                let clock = Instant::now();
+                let mut problem = ChannelProblem::new(
+                    channel,
+                    spec,
+                    self.classes,
+                    self.models,
+                    self.speeds,
+                    gains,
+                    growth,
+                    &options,
+                );
+                problem.stats.assembly_time += clock.elapsed().as_secs_f64();
+                let merit = problem.run(gains)?;
+                Ok::<_, TuningError>((merit, problem.stats))
+            };
+            // Two channels at a time from the same point, as long as moving
+            // both keeps the number of unstable poles; else one after the other.
+            for pair in group.chunks(2) {
+                let results: Vec<(Vec<GainSet>, Merit, TuningStats)> = pair
+                    .par_iter()
+                    .map(|&(channel, spec)| {
+                        let mut own = gains.to_vec();
+                        let (merit, stats) = solve(channel, spec, &mut own)?;
+                        Ok((own, merit, stats))
+                    })
+                    .collect::<Result<_, TuningError>>()?;
+                let mut joint = gains.to_vec();
+                for ((channel, _), (own, _, s)) in pair.iter().zip(&results) {
+                    let c = channel.index();
+                    for (joint, own) in joint.iter_mut().zip(own) {
+                        joint[c] = own[c];
+                    }
+                    stats.add(s);
+                }
+                if pair.len() == 1 || same_winding(self.models, gains, &joint) {
+                    gains.copy_from_slice(&joint);
+                    merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
+                } else {
+                    for &(channel, spec) in pair {
+                        let (merit, s) = solve(channel, spec, gains)?;
+                        stats.add(&s);
+                        merits.push((channel, merit));
+                    }
+                }
+            }
+            if growth < 1.0 {
+                continue;
+            }
+            for (place, &(channel, spec)) in group.iter().enumerate() {
+                if sweeps == 0
+                    && merits[place].1.worst() > RESCUE_VIOLATION
+                    && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
+                {
+                    merits[place].1 = merit;
+                }
+            }
+            sweeps += 1;
+            last_change = change(&before, gains);
+            if last_change < SWEEP_TOLERANCE {
+                break;
+            }
+        }
+        Ok(Sweeps { merits, sweeps, last_change })
+    }
+
+    /// Tries other starts for a channel that misses a requirement at some
+    /// speeds: the gains of the nearest speeds that miss none, and slower and
+    /// faster ones. The sequence is local, and a loop with several crossings
+    /// has several local answers. Writes the best one back, if it is better.
+    fn rescue(
+        &self,
+        channel: Channel,
+        spec: &ChannelSpec,
+        gains: &mut [GainSet],
+        options: &TuningOptions,
+        stats: &mut TuningStats,
+    ) -> Result<Option<Merit>, TuningError> {
+        let options = TuningOptions {
+            trust: self.options.trust,
+            iterations: options.iterations.min(RESCUE_ITERATIONS),
+            ..options.clone()
+        };
+        let problem = ChannelProblem::new(
+            channel,
+            spec,
+            self.classes,
+            self.models,
+            self.speeds,
+            gains,
+            1.0,
+            &options,
+        );
+        let x = problem.values(gains);
+        let Some(mut best) = problem.merit(&x, None) else {
+            return Ok(None);
+        };
+        let missed: Vec<bool> =
+            best.violation.iter().map(|v| v.iter().any(|&v| v > RESCUE_VIOLATION)).collect();
+        let replaced = |f: &dyn Fn(usize) -> Option<Vec<f64>>| -> Vec<Vec<f64>> {
+            (0..x.len())
+                .map(|v| if missed[v] { f(v) } else { None }.unwrap_or_else(|| x[v].clone()))
+                .collect()
+        };
+        let below = |v: usize| (0..v).rev().find(|&k| !missed[k]).map(|k| x[k].clone());
+        let above = |v: usize| (v + 1..x.len()).find(|&k| !missed[k]).map(|k| x[k].clone());
+        let scaled = |f: f64| move |x: &[f64]| x.iter().map(|x| x * f).collect::<Vec<f64>>();
+        let candidates = [
+            replaced(&below),
+            replaced(&above),
+            replaced(&|v| Some(scaled(0.6)(&x[v]))),
+            replaced(&|v| Some(scaled(1.6)(&x[v]))),
+        ];
+        // The same number of unstable poles as now, or not at all.
+        let base: &[GainSet] = gains;
+        let tried: Vec<Option<(Vec<GainSet>, Merit, TuningStats)>> = candidates
+            .into_par_iter()
+            .map(|candidate| {
+                if candidate == x || problem.merit(&candidate, Some(&x)).is_none() {
+                    return Ok(None);
+                }
+                let mut own = problem.clone();
+                let mut trial = base.to_vec();
+                own.write(&candidate, &mut trial);
+                own.run(&mut trial)?;
+                let merit = own.merit(&own.values(&trial), None);
+                Ok(merit.map(|m| (trial, m, own.stats)))
+            })
+            .collect::<Result<_, TuningError>>()?;
+        let mut found = None;
+        for (trial, merit, s) in tried.into_iter().flatten() {
+            stats.add(&s);
+            if merit.total < best.total * (1.0 - 1e-3) {
+                best = merit.clone();
+                found = Some((trial, merit));
+            }
+        }
+        Ok(found.map(|(trial, merit)| {
+            gains.copy_from_slice(&trial);
+            merit
+        }))
+    }
+}
+
 /// Everything a tuning needs.
 pub struct TuningProblem<'a> {
     /// Plants.
@@ -1029,8 +1243,101 @@ impl TuningProblem<'_> {
             .collect())
     }
 
-    /// Tunes from `start`, one gain set a speed.
-    pub fn tune(&self, start: &[GainSet]) -> Result<Tuning, TuningError> {
+    /// Starting gains: for each speed the first of a few that stabilises every
+    /// model, scaled from the equivalent delay of the nominal plant.
+    pub fn starts(&self, inversions: &[Inversion]) -> Result<Vec<GainSet>, TuningError> {
+        let speeds = self.set.plants.iter().zip(inversions).collect::<Vec<_>>();
+        speeds
+            .par_iter()
+            .map(|(plants, inversion)| {
+                let mut best: Option<(f64, usize)> = None;
+                for scale in START_SCALES {
+                    let mut g = GainSet::default();
+                    for (channel, spec) in &self.channels {
+                        let delay = equivalent_delay(
+                            &plants[0],
+                            inversion,
+                            channel.axis(),
+                            &self.hardware,
+                        )?;
+                        g[channel.index()] =
+                            start_gains(*channel, delay / scale, spec.integral_ratio);
+                    }
+                    let mut inner = g;
+                    inner[Channel::Vx.index()] = ChannelGains::default();
+                    inner[Channel::Vy.index()] = ChannelGains::default();
+                    let worst = self
+                        .growths(plants, inversion, &inner)
+                        .into_iter()
+                        .enumerate()
+                        .max_by(|a, b| a.1.total_cmp(&b.1));
+                    let Some((model, growth)) = worst else { continue };
+                    if growth < START_GROWTH {
+                        return Ok(g);
+                    }
+                    if best.is_none_or(|b| growth < b.0) {
+                        best = Some((growth, model));
+                    }
+                }
+                let (growth, model) = best.unwrap_or((f64::NAN, 0));
+                Err(TuningError::Unstabilisable {
+                    model: self.set.models[model].name.clone(),
+                    speed: plants[0].speed,
+                    growth,
+                })
+            })
+            .collect()
+    }
+
+    /// Largest real part of the closed loop of each model at one speed.
+    fn growths(&self, plants: &[Plant], inversion: &Inversion, gains: &GainSet) -> Vec<f64> {
+        plants
+            .iter()
+            .zip(&self.set.models)
+            .map(|(plant, model)| {
+                stability::closed_loop_eigenvalues(
+                    plant,
+                    inversion,
+                    &self.settings,
+                    &self.hardware,
+                    model.extra_delay,
+                    gains,
+                    stability::PADE_ORDER,
+                )
+                .map_or(f64::NAN, |e| stability::growth(&e))
+            })
+            .collect()
+    }
+
+    /// Halves outer gains at each speed until the loop around the tuned inner
+    /// one is stable.
+    fn slow_down_outer(
+        &self,
+        run: &Run,
+        inversions: &[Inversion],
+        group: &[(Channel, ChannelSpec)],
+        gains: &mut [GainSet],
+    ) {
+        gains.par_iter_mut().enumerate().for_each(|(v, g)| {
+            for _ in 0..8 {
+                let worst = self
+                    .growths(&self.set.plants[v], &inversions[v], g)
+                    .into_iter()
+                    .fold(f64::NEG_INFINITY, f64::max);
+                if worst < START_GROWTH || !run.speeds[v].is_finite() {
+                    return;
+                }
+                for (c, _) in group {
+                    let k = &mut g[c.index()];
+                    *k = ChannelGains::new(k.k_d, 0.5 * k.k_p, 0.25 * k.k_i);
+                }
+            }
+        });
+    }
+
+    /// Tunes from `start`, one gain set a speed, or from gains that the
+    /// equivalent delay of the plants suggests.
+    pub fn tune(&self, start: Option<&[GainSet]>) -> Result<Tuning, TuningError> {
         if self.channels.is_empty() {
             return Err(TuningError::Empty("no axis is named"));
         }
@@ -1046,74 +1353,93 @@ impl TuningProblem<'_> {
         let models = self.loop_models(&inversions, &grid)?;
         let mut stats =
             TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
-        let mut gains = start.to_vec();
-        let mut merits: Vec<(Channel, Merit)> = Vec::new();
-        let mut last_change = f64::INFINITY;
-        let mut sweeps = 0;
-        let stages = self
-            .options
-            .growth
-            .iter()
-            .map(|&g| (g, 6))
-            .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
-        for (growth, iterations) in stages {
-            let trust = match sweeps {
-                0 => self.options.trust,
-                k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
-            };
-            let options = TuningOptions { iterations, trust, ..self.options.clone() };
-            let before = gains.clone();
-            merits.clear();
-            let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
-                let clock = Instant::now();
-                let mut problem = ChannelProblem::new(
-                    channel, spec, &classes, &models, &speeds, gains, growth, &options,
-                );
-                problem.stats.assembly_time += clock.elapsed().as_secs_f64();
-                let merit = problem.run(gains)?;
-                Ok::<_, TuningError>((merit, problem.stats))
-            };
-            // Two channels at a time from the same point, as long as moving
-            // both keeps the number of unstable poles; else one after the other.
-            for pair in self.channels.chunks(2) {
-                let results: Vec<(Vec<GainSet>, Merit, TuningStats)> = pair
-                    .par_iter()
-                    .map(|(channel, spec)| {
-                        let mut own = gains.clone();
-                        let (merit, stats) = solve(*channel, spec, &mut own)?;
-                        Ok((own, merit, stats))
-                    })
-                    .collect::<Result<_, TuningError>>()?;
-                let mut joint = gains.clone();
-                for ((channel, _), (own, _, s)) in pair.iter().zip(&results) {
-                    let c = channel.index();
-                    for (joint, own) in joint.iter_mut().zip(own) {
-                        joint[c] = own[c];
-                    }
-                    stats.add(s);
-                }
-                if pair.len() == 1 || same_winding(&models, &gains, &joint) {
-                    gains = joint;
-                    merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
-                } else {
-                    for (channel, spec) in pair {
-                        let (merit, s) = solve(*channel, spec, &mut gains)?;
-                        stats.add(&s);
-                        merits.push((*channel, merit));
-                    }
+        let run =
+            Run { classes: &classes, models: &models, speeds: &speeds, options: &self.options };
+        let mut gains = match start {
+            Some(start) => start.to_vec(),
+            None => self.starts(&inversions)?,
+        };
+        for (g, v) in gains.iter_mut().zip(&speeds) {
+            for (channel, spec) in &self.channels {
+                if !spec.applies(*v) {
+                    g[channel.index()] = ChannelGains::default();
                 }
             }
-            if growth < 1.0 {
+        }
+        // The inner loops by themselves, then the outer ones around them, with
+        // the effector cut among their requirements.
+        let outer_start = gains.clone();
+        for g in &mut gains {
+            for c in Channel::ALL.into_iter().filter(|c| c.is_outer()) {
+                g[c.index()] = ChannelGains::default();
+            }
+        }
+        let (outer, inner): (Vec<_>, Vec<_>) =
+            self.channels.iter().copied().partition(|c| c.0.is_outer());
+        let (mut merits, mut sweeps, mut last_change) = (Vec::new(), 0, 0.0f64);
+        for (group, is_outer) in [(inner, false), (outer, true)] {
+            if group.is_empty() {
                 continue;
             }
-            sweeps += 1;
-            last_change = change(&before, &gains);
-            if last_change < SWEEP_TOLERANCE {
-                break;
+            if is_outer {
+                for (g, s) in gains.iter_mut().zip(&outer_start) {
+                    for (c, _) in &group {
+                        g[c.index()] = s[c.index()];
+                    }
+                }
+                self.slow_down_outer(&run, &inversions, &group, &mut gains);
             }
+            let done = run.sweeps(&group, &mut gains, &mut stats)?;
+            merits.extend(done.merits);
+            sweeps = sweeps.max(done.sweeps);
+            last_change = last_change.max(done.last_change);
         }
         Ok(Tuning { speeds, gains, inversions, merits, sweeps, last_change, stats })
     }
+}
+
+/// Starting bandwidths tried, relative to what the equivalent delay suggests.
+const START_SCALES: [f64; 5] = [1.0, 0.7, 1.3, 0.5, 1.7];
+/// Largest real part that still counts as stable, 1/s: a heading or position
+/// mode at zero is not a divergence.
+pub const START_GROWTH: f64 = 1e-6;
+
+/// Delay that the hardware and the full-order plant add to the reduced model in
+/// an axis, s: the phase between the two responses of ν to the output's rate,
+/// divided by frequency, at about the frequency where it matters (0.4/τ).
+pub fn equivalent_delay(
+    plant: &Plant,
+    inversion: &Inversion,
+    axis: Axis,
+    hardware: &Hardware,
+) -> Result<f64, TuningError> {
+    let full = FrequencyModel::new(plant, *hardware, 0.0)?;
+    let mut reduced_plant = plant.clone();
+    reduced_plant.a = DMatrix::from_iterator(8, 8, plant.reduced_a.iter().copied());
+    reduced_plant.b = DMatrix::from_iterator(8, 4, plant.reduced_b.iter().copied());
+    reduced_plant.measured = std::array::from_fn(|k| k);
+    let reduced = FrequencyModel::new(&reduced_plant, *hardware, 0.0)?;
+    let i = axis.index();
+    let response = |model: &FrequencyModel, w: f64| {
+        let x = model.states(w);
+        (0..8).fold(C::new(0.0, 0.0), |sum, k| {
+            let column =
+                (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.decoupling[(j, i)]);
+            sum + column * inversion.outputs[(i, k)]
+        })
+    };
+    let mut delay = hardware.equivalent_delay().max(0.01);
+    for _ in 0..4 {
+        let w = 0.4 / delay;
+        let extra = response(&full, w) / response(&reduced, w);
+        let path = hardware.response(w, 0.0);
+        // Phase of hardware and of what the reduced model leaves out.
+        delay = (-(path.arg() + extra.arg()) / w).clamp(0.01, 1.0);
+    }
+    if !delay.is_finite() {
+        return Err(TuningError::NotFinite { model: "nominal".into(), speed: plant.speed });
+    }
+    Ok(delay)
 }
 
 /// Sweeps end when no gain changes by more than this fraction.

@@ -6,6 +6,7 @@
 //!
 //! * [`model`]: the periodic model (LTP) and the state-space model (LTI), both
 //!   with named channels.
+//! * [`linearize`]: the periodic model of a converged trim.
 //! * [`dense`]: checked dense linear algebra: eigenvalues, Lyapunov equations,
 //!   stable and unstable subspaces.
 //! * [`harmonic`]: the averaged model and the harmonic decomposition.
@@ -26,14 +27,15 @@ pub mod dense;
 pub mod floquet;
 pub mod frequency;
 pub mod harmonic;
-//pub mod io;
+pub mod io;
+pub mod linearize;
 pub mod model;
 pub mod modes;
 pub mod reduction;
 pub mod reference;
-//pub mod set;
-//pub mod structure;
-//pub mod time_response;
+pub mod set;
+pub mod structure;
+pub mod time_response;
 
 pub use model::{Channel, PeriodicModel, StateSpace};
 
@@ -87,14 +89,18 @@ pub enum LinearError {
     /// The block of the states to be residualised has no inverse.
     #[error(
         "the fast states cannot be residualised: their block of A is singular \
-         (reciprocal condition {reciprocal_condition:.1e}); the states {} can move \
-         without any rate of change among the fast states. Keep them, or remove \
-         them first if nothing depends on them",
-        .states.join(", ")
+         (reciprocal condition {reciprocal_condition:.1e}). The rates of {} say \
+         nothing new about the fast states and leave {} undetermined. Keep the \
+         former, or remove them first if nothing depends on them",
+        .states.join(", "),
+        .free.join(", ")
     )]
     SingularFastBlock {
-        /// States with a large part in the null vector.
+        /// States whose equations are dependent: integrators of kept states,
+        /// as a rule.
         states: Vec<String>,
+        /// States that the block leaves undetermined.
+        free: Vec<String>,
         /// Smallest over largest singular value of the balanced block.
         reciprocal_condition: f64,
     },

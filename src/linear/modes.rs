@@ -72,6 +72,10 @@ pub enum ModeName {
     RollOscillation,
     /// Real, stable root dominated by p.
     RollSubsidence,
+    /// Oscillation of both hovering cubics, coupled: neither pitch nor roll.
+    CoupledOscillation,
+    /// Well damped motion of both hovering cubics, coupled.
+    CoupledSubsidence,
     /// Oscillation of u and θ with little q.
     Phugoid,
     /// Stable oscillation of w and q.
@@ -80,10 +84,14 @@ pub enum ModeName {
     DutchRoll,
     /// Slow real root of φ.
     Spiral,
+    /// Slow oscillation of φ and p with little v: spiral and roll coupled.
+    SpiralRoll,
     /// Real root of w.
     HeaveSubsidence,
     /// Real root of r.
     YawSubsidence,
+    /// Real root of w and r together.
+    HeaveYawSubsidence,
     /// Blade flapping.
     Flap,
     /// Rotor inflow.
@@ -100,12 +108,16 @@ impl ModeName {
             ModeName::PitchSubsidence => "pitch subsidence",
             ModeName::RollOscillation => "roll oscillation (hovering cubic)",
             ModeName::RollSubsidence => "roll subsidence",
+            ModeName::CoupledOscillation => "coupled roll-pitch oscillation (hovering cubic)",
+            ModeName::CoupledSubsidence => "coupled roll-pitch subsidence",
             ModeName::Phugoid => "phugoid",
             ModeName::ShortPeriod => "short period",
             ModeName::DutchRoll => "Dutch roll",
             ModeName::Spiral => "spiral",
+            ModeName::SpiralRoll => "spiral-roll oscillation",
             ModeName::HeaveSubsidence => "heave subsidence",
             ModeName::YawSubsidence => "yaw subsidence",
+            ModeName::HeaveYawSubsidence => "heave-yaw subsidence",
             ModeName::Flap => "flap",
             ModeName::Inflow => "inflow",
             ModeName::Integrator => "integrator",
@@ -183,8 +195,19 @@ fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName
         if of(&["v", "r"]) >= CLEAR && r >= 0.2 {
             return Some(ModeName::DutchRoll);
         }
-        if roll >= CLEAR {
+        if roll >= CLEAR && of(&["v"]) >= 0.15 {
             return Some(ModeName::RollOscillation);
+        }
+        if of(&["phi", "p"]) >= CLEAR {
+            return Some(ModeName::SpiralRoll);
+        }
+        if pitch >= 0.3 && roll >= 0.3 && q + of(&["p"]) >= 0.2 {
+            // Damped beyond ζ = 0.7 an oscillation is no longer seen as one.
+            return Some(if stable && -value.re >= 0.7 * value.norm() {
+                ModeName::CoupledSubsidence
+            } else {
+                ModeName::CoupledOscillation
+            });
         }
         return None;
     }
@@ -193,6 +216,9 @@ fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName
     }
     if r >= CLEAR {
         return Some(ModeName::YawSubsidence);
+    }
+    if w + r >= CLEAR {
+        return Some(ModeName::HeaveYawSubsidence);
     }
     if of(&["phi"]) >= 0.5 && value.norm() < 0.3 {
         return Some(ModeName::Spiral);
@@ -203,26 +229,103 @@ fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName
     if pitch >= CLEAR && stable && q >= 0.3 {
         return Some(ModeName::PitchSubsidence);
     }
+    if pitch >= 0.3 && roll >= 0.3 && q + of(&["p"]) >= 0.3 && stable {
+        return Some(ModeName::CoupledSubsidence);
+    }
     None
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linear::model::Channel;
     use crate::linear::reference::{Condition, appendix};
+    use crate::units::Kind;
+    use nalgebra::DMatrix;
+
+    fn model(names: &[&str], a: &[f64]) -> StateSpace {
+        let n = names.len();
+        let states = names.iter().map(|name| Channel::new(*name, Kind::Dimensionless)).collect();
+        StateSpace::with_state_outputs(
+            states,
+            vec![Channel::new("in", Kind::Percent)],
+            DMatrix::from_row_slice(n, n, a),
+            DMatrix::from_element(n, 1, 1.0),
+        )
+        .unwrap()
+    }
 
     #[test]
-    fn print_modes() {
-        for c in [Condition::Hover, Condition::Forward] {
-            for m in modes(&appendix(c).unwrap()).unwrap() {
-                println!(
-                    "{:?} {:?} {:?} {:?}",
-                    m.eigenvalue,
-                    m.name,
-                    m.dominant,
-                    m.damping_ratio()
-                );
-            }
+    fn oscillator_has_textbook_figures() {
+        // s² + 2ζω s + ω² with ζ = 0.6, ω = 5.
+        let all = modes(&model(&["a", "b"], &[0.0, 1.0, -25.0, -6.0])).unwrap();
+        assert_eq!(all.len(), 1);
+        let mode = &all[0];
+        assert!((mode.damping_ratio().unwrap() - 0.6).abs() < 1e-14);
+        assert!((mode.natural_frequency() - 5.0).abs() < 1e-13);
+        assert!((mode.period().unwrap() - std::f64::consts::TAU / 4.0).abs() < 1e-13);
+        assert!((mode.time_constant().unwrap() - 1.0 / 3.0).abs() < 1e-14);
+        assert!((mode.time_to_half().unwrap() - 2f64.ln() / 3.0).abs() < 1e-14);
+        assert_eq!(mode.time_to_double(), None);
+        assert!((mode.participation.as_ref().unwrap().iter().sum::<f64>() - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn hovering_cubic_splits_into_oscillation_and_subsidence() {
+        // u̇ = −gθ, q̇ = M_u u + M_q q, θ̇ = q: s³ − M_q s² + g M_u = 0.
+        let (m_u, m_q) = (0.003, -0.1);
+        let cubic = model(&["u", "q", "theta"], &[0.0, 0.0, -9.81, m_u, m_q, 0.0, 0.0, 1.0, 0.0]);
+        let all = modes(&cubic).unwrap();
+        for mode in &all {
+            let s = mode.eigenvalue;
+            assert!((s * s * s - s * s * m_q + 9.81 * m_u).norm() < 1e-13);
         }
+        let names: Vec<_> = all.iter().map(|m| m.name).collect();
+        assert!(names.contains(&Some(ModeName::PitchOscillation)), "{names:?}");
+        assert!(names.contains(&Some(ModeName::PitchSubsidence)), "{names:?}");
+    }
+
+    #[test]
+    fn val_appendix_modes_have_the_structure_of_the_text() {
+        // Hover: two unstable oscillations, one damped coupled pair, and two
+        // slow subsidences (Figure 15 and its discussion).
+        let hover: Vec<_> = modes(&appendix(Condition::Hover).unwrap())
+            .unwrap()
+            .into_iter()
+            .map(|m| m.name)
+            .collect();
+        let count = |name| hover.iter().filter(|n| **n == Some(name)).count();
+        assert_eq!(count(ModeName::CoupledOscillation), 2, "{hover:?}");
+        assert_eq!(count(ModeName::CoupledSubsidence), 1);
+        assert_eq!(count(ModeName::HeaveYawSubsidence), 2);
+        // Forward: the classical set.
+        let forward: Vec<_> = modes(&appendix(Condition::Forward).unwrap())
+            .unwrap()
+            .into_iter()
+            .map(|m| m.name)
+            .collect();
+        for name in
+            [ModeName::Phugoid, ModeName::ShortPeriod, ModeName::DutchRoll, ModeName::SpiralRoll]
+        {
+            assert!(forward.contains(&Some(name)), "{name:?} in {forward:?}");
+        }
+    }
+
+    #[test]
+    fn rotor_states_are_known_by_name() {
+        let rotor = model(
+            &["q", "upper.beta_1c", "lower.lambda_s0"],
+            &[-1.0, 0.1, 0.0, 0.0, -20.0, 0.1, 0.0, 0.1, -8.0],
+        );
+        let names: Vec<_> = modes(&rotor).unwrap().iter().map(|m| m.name).collect();
+        assert_eq!(names[1], Some(ModeName::Inflow));
+        assert_eq!(names[2], Some(ModeName::Flap));
+    }
+
+    #[test]
+    fn a_defective_eigenvalue_has_no_participation() {
+        let integrators = model(&["x", "v"], &[0.0, 1.0, 0.0, 0.0]);
+        let all = modes(&integrators).unwrap();
+        assert!(all.iter().all(|m| m.participation.is_none()));
     }
 }

@@ -73,6 +73,12 @@ impl<'a> Shooting<'a> {
         Self { vehicle, condition, method, steps, free, fixed, scales }
     }
 
+    /// Integration method.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
     /// Number of unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {

@@ -204,6 +204,8 @@ pub struct TrimPoint {
     pub sticks: [f64; 4],
     /// Steps a period.
     pub steps: usize,
+    /// Integration method.
+    pub method: Method,
     /// Largest change of a scaled state at the end of the period on halving
     /// the step.
     pub step_error: f64,
@@ -537,6 +539,7 @@ fn report(
         mean_state: period.mean,
         sticks,
         steps,
+        method: shooting.method(),
         step_error,
         rotors,
         power,

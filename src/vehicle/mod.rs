@@ -133,6 +133,15 @@ pub struct Workspace<S> {
     pub(crate) acceleration: [Vec3<S>; 2],
 }
 
+impl<S: Scalar> Workspace<S> {
+    /// Specific force at the centre of gravity, body frame, m/s², of the last
+    /// evaluation.
+    #[must_use]
+    pub fn specific_force(&self) -> Vec3<S> {
+        self.acceleration[0]
+    }
+}
+
 impl Vehicle {
     /// Builds the vehicle of a problem, interference tables included.
     ///

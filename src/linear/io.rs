@@ -1,0 +1,562 @@
+//! Files of linear models: JSON, CSV and MATLAB's MAT level 5.
+//!
+//! Every file gives the unit of every state, input and output. Matrices are in
+//! those units: with [`System::Us`] ft/s, rad/s, rad and per percent of stick,
+//! as in the source paper's appendix.
+
+use std::fmt::Write as _;
+
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+
+use super::LinearError;
+use super::model::{Channel, Matrices, StateSpace};
+use super::set::ModelSet;
+use crate::units::{KNOT, Kind, System};
+
+/// Schema of a state-space model.
+pub const LTI_SCHEMA: &str = "coaxdesign.lti/1";
+/// Schema of a set of models over speed.
+pub const LTI_SET_SCHEMA: &str = "coaxdesign.lti-set/1";
+
+/// A model and the flight condition that it belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelRecord {
+    /// True airspeed, m/s.
+    pub speed: f64,
+    /// Whether rotor-on-rotor interactions were on; `None` if unknown.
+    pub interactions: Option<bool>,
+    /// The model.
+    pub model: StateSpace,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChannelFile {
+    name: String,
+    unit: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelFile {
+    schema: String,
+    speed_kt: f64,
+    interactions: Option<bool>,
+    states: Vec<ChannelFile>,
+    inputs: Vec<ChannelFile>,
+    outputs: Vec<ChannelFile>,
+    a: Vec<Vec<f64>>,
+    b: Vec<Vec<f64>>,
+    c: Vec<Vec<f64>>,
+    d: Vec<Vec<f64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetFile {
+    schema: String,
+    interactions: Option<bool>,
+    models: Vec<ModelFile>,
+}
+
+/// Kinds that a unit in a file stands for, the first match taken. Kinds that
+/// differ in meaning but not in unit (airspeed and velocity) come back as the
+/// more general one.
+const READABLE: [Kind; 22] = [
+    Kind::Dimensionless,
+    Kind::Velocity,
+    Kind::AngularRateRad,
+    Kind::AngleRad,
+    Kind::Percent,
+    Kind::Length,
+    Kind::Acceleration,
+    Kind::AngularAcceleration,
+    Kind::Angle,
+    Kind::AngularRate,
+    Kind::Airspeed,
+    Kind::ClimbRate,
+    Kind::Force,
+    Kind::Moment,
+    Kind::Power,
+    Kind::Time,
+    Kind::Mass,
+    Kind::Area,
+    Kind::Inertia,
+    Kind::Pressure,
+    Kind::AnglePerPercent,
+    Kind::PerAngle,
+];
+
+/// Speed in knots, free of the last digit that a conversion leaves.
+fn knots(speed: f64) -> f64 {
+    (speed / KNOT * 1e9).round() / 1e9
+}
+
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+fn interactions_text(interactions: Option<bool>) -> &'static str {
+    match interactions {
+        Some(true) => "true",
+        Some(false) => "false",
+        None => "null",
+    }
+}
+
+fn number(value: f64) -> String {
+    // Finite by construction of the model; −0 and 0 are the same derivative.
+    serde_json::Value::from(value + 0.0).to_string()
+}
+
+/// A model as JSON of schema [`LTI_SCHEMA`], one matrix row a line.
+pub fn to_json(record: &ModelRecord, system: System) -> String {
+    let mut out = String::new();
+    write_model(&mut out, record, system, "");
+    out.push('\n');
+    out
+}
+
+fn write_model(out: &mut String, record: &ModelRecord, system: System, indent: &str) {
+    let m = &record.model;
+    let channels = |list: &[Channel]| {
+        list.iter()
+            .map(|c| {
+                format!(
+                    "{{\"name\": {}, \"unit\": {}}}",
+                    quoted(&c.name),
+                    quoted(c.kind.symbol(system))
+                )
+            })
+            .collect::<Vec<_>>()
+            .join(&format!(",\n{indent}    "))
+    };
+    let matrices = m.matrices_in(system);
+    let rows = |x: &DMatrix<f64>| {
+        let lines: Vec<String> = x
+            .row_iter()
+            .map(|r| {
+                let values: Vec<String> = r.iter().map(|v| number(*v)).collect();
+                format!("[{}]", values.join(", "))
+            })
+            .collect();
+        lines.join(&format!(",\n{indent}    "))
+    };
+    // Writing to a String cannot fail.
+    let _ = write!(
+        out,
+        "{{\n{indent}  \"schema\": {},\n{indent}  \"speed_kt\": {},\n{indent}  \"interactions\": {}",
+        quoted(LTI_SCHEMA),
+        number(knots(record.speed)),
+        interactions_text(record.interactions),
+    );
+    let mut list = |key: &str, body: String| {
+        let _ = if body.is_empty() {
+            write!(out, ",\n{indent}  \"{key}\": []")
+        } else {
+            write!(out, ",\n{indent}  \"{key}\": [\n{indent}    {body}\n{indent}  ]")
+        };
+    };
+    list("states", channels(m.states()));
+    list("inputs", channels(m.inputs()));
+    list("outputs", channels(m.outputs()));
+    list("a", rows(&matrices.a));
+    list("b", rows(&matrices.b));
+    list("c", rows(&matrices.c));
+    list("d", rows(&matrices.d));
+    let _ = write!(out, "\n{indent}}}");
+}
+
+/// Reads a model that [`to_json`] or another program wrote.
+///
+/// # Errors
+/// Text that is not this schema, a unit that is not known, or units of both
+/// systems in one file; the message says where.
+pub fn from_json(text: &str) -> Result<ModelRecord, LinearError> {
+    let file: ModelFile = parse(text, "a model")?;
+    record_of(file)
+}
+
+fn parse<'a, T: Deserialize<'a>>(text: &'a str, what: &str) -> Result<T, LinearError> {
+    serde_json::from_str(text).map_err(|e| LinearError::Format(format!("not {what} in JSON: {e}")))
+}
+
+fn check_schema(found: &str, wanted: &str) -> Result<(), LinearError> {
+    if found == wanted {
+        Ok(())
+    } else {
+        Err(LinearError::Format(format!("schema is \"{found}\", but \"{wanted}\" is needed")))
+    }
+}
+
+fn record_of(file: ModelFile) -> Result<ModelRecord, LinearError> {
+    check_schema(&file.schema, LTI_SCHEMA)?;
+    if !file.speed_kt.is_finite() {
+        return Err(LinearError::Format("speed_kt is not finite".into()));
+    }
+    let all = || file.states.iter().chain(&file.inputs).chain(&file.outputs);
+    let system = [System::Us, System::Si]
+        .into_iter()
+        .find(|&system| all().all(|c| kind_of(&c.unit, system).is_some()))
+        .ok_or_else(|| {
+            let odd = all().find(|c| {
+                kind_of(&c.unit, System::Us).is_none() && kind_of(&c.unit, System::Si).is_none()
+            });
+            LinearError::Format(odd.map_or_else(
+                || "the file mixes US and SI units".into(),
+                |c| format!("unit \"{}\" of \"{}\" is not known", c.unit, c.name),
+            ))
+        })?;
+    let channels = |list: &[ChannelFile]| -> Vec<Channel> {
+        list.iter()
+            .filter_map(|c| kind_of(&c.unit, system).map(|kind| Channel::new(&c.name, kind)))
+            .collect()
+    };
+    let (n, m, p) = (file.states.len(), file.inputs.len(), file.outputs.len());
+    let matrices = Matrices {
+        a: matrix("a", &file.a, n, n)?,
+        b: matrix("b", &file.b, n, m)?,
+        c: matrix("c", &file.c, p, n)?,
+        d: matrix("d", &file.d, p, m)?,
+    };
+    Ok(ModelRecord {
+        speed: file.speed_kt * KNOT,
+        interactions: file.interactions,
+        model: StateSpace::from_matrices_in(
+            system,
+            channels(&file.states),
+            channels(&file.inputs),
+            channels(&file.outputs),
+            matrices,
+        )?,
+    })
+}
+
+fn kind_of(unit: &str, system: System) -> Option<Kind> {
+    READABLE.into_iter().find(|kind| kind.symbol(system) == unit)
+}
+
+fn matrix(
+    key: &str,
+    rows: &[Vec<f64>],
+    row_count: usize,
+    column_count: usize,
+) -> Result<DMatrix<f64>, LinearError> {
+    if rows.len() != row_count {
+        return Err(LinearError::Format(format!(
+            "\"{key}\" has {} rows, but its channels ask for {row_count}",
+            rows.len()
+        )));
+    }
+    if let Some((i, row)) = rows.iter().enumerate().find(|(_, r)| r.len() != column_count) {
+        return Err(LinearError::Format(format!(
+            "row {} of \"{key}\" has {} entries, but its channels ask for {column_count}",
+            i + 1,
+            row.len()
+        )));
+    }
+    Ok(DMatrix::from_fn(row_count, column_count, |i, j| rows[i][j]))
+}
+
+/// A set of models as JSON of schema [`LTI_SET_SCHEMA`].
+pub fn set_to_json(set: &ModelSet, system: System) -> String {
+    let mut out = format!(
+        "{{\n  \"schema\": {},\n  \"interactions\": {},\n  \"models\": [",
+        quoted(LTI_SET_SCHEMA),
+        interactions_text(set.interactions())
+    );
+    for (k, (speed, model)) in set.speeds().iter().zip(set.models()).enumerate() {
+        out.push_str(if k == 0 { "\n    " } else { ",\n    " });
+        let record =
+            ModelRecord { speed: *speed, interactions: set.interactions(), model: model.clone() };
+        write_model(&mut out, &record, system, "    ");
+    }
+    out.push_str("\n  ]\n}\n");
+    out
+}
+
+/// Reads a set of models that [`set_to_json`] wrote.
+///
+/// # Errors
+/// As [`from_json`] and [`ModelSet::new`].
+pub fn set_from_json(text: &str) -> Result<ModelSet, LinearError> {
+    let file: SetFile = parse(text, "a model set")?;
+    check_schema(&file.schema, LTI_SET_SCHEMA)?;
+    let mut speeds = Vec::with_capacity(file.models.len());
+    let mut models = Vec::with_capacity(file.models.len());
+    for model in file.models {
+        let record = record_of(model)?;
+        speeds.push(record.speed);
+        models.push(record.model);
+    }
+    ModelSet::new(file.interactions, speeds, models)
+}
+
+/// A model as CSV, one entry a line: matrix, row and column with their units,
+/// value. An entry has the row's unit per column's unit; rows of A and B are
+/// rates and have a further 1/s.
+///
+/// # Errors
+/// None that a valid model could cause; the writer's own are passed on.
+pub fn to_csv(record: &ModelRecord, system: System) -> Result<String, LinearError> {
+    let failed = |e: &dyn std::fmt::Display| LinearError::Format(format!("CSV: {e}"));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer
+        .write_record(["speed_kt", "matrix", "row", "row_unit", "column", "column_unit", "value"])
+        .map_err(|e| failed(&e))?;
+    let m = &record.model;
+    let matrices = m.matrices_in(system);
+    let speed = number(knots(record.speed));
+    for (label, values, rows, columns) in [
+        ("A", &matrices.a, m.states(), m.states()),
+        ("B", &matrices.b, m.states(), m.inputs()),
+        ("C", &matrices.c, m.outputs(), m.states()),
+        ("D", &matrices.d, m.outputs(), m.inputs()),
+    ] {
+        for (i, row) in rows.iter().enumerate() {
+            for (j, column) in columns.iter().enumerate() {
+                writer
+                    .write_record([
+                        speed.as_str(),
+                        label,
+                        &row.name,
+                        row.kind.symbol(system),
+                        &column.name,
+                        column.kind.symbol(system),
+                        &number(values[(i, j)]),
+                    ])
+                    .map_err(|e| failed(&e))?;
+            }
+        }
+    }
+    let bytes = writer.into_inner().map_err(|e| failed(&e))?;
+    String::from_utf8(bytes).map_err(|e| failed(&e))
+}
+
+/// A model as a MAT file of level 5, uncompressed, little-endian.
+///
+/// Variables: A, B, C, D, `speed_kt`, `interactions` (1, 0, or NaN if
+/// unknown), and cell columns `state_names`, `state_units`, and so on for inputs
+/// and outputs.
+pub fn to_mat(record: &ModelRecord, system: System) -> Vec<u8> {
+    let m = &record.model;
+    let matrices = m.matrices_in(system);
+    let mut file = MatFile::new();
+    file.array("A", &[m.states().len(), m.states().len()], matrices.a.as_slice());
+    file.array("B", &[m.states().len(), m.inputs().len()], matrices.b.as_slice());
+    file.array("C", &[m.outputs().len(), m.states().len()], matrices.c.as_slice());
+    file.array("D", &[m.outputs().len(), m.inputs().len()], matrices.d.as_slice());
+    file.array("speed_kt", &[1, 1], &[knots(record.speed)]);
+    file.array("interactions", &[1, 1], &[record.interactions.map_or(f64::NAN, f64::from)]);
+    file.channels(m, system);
+    file.bytes
+}
+
+/// A set of models as a MAT file: A, B, C, D are three-dimensional, the last
+/// index running over `speed_kt`.
+pub fn set_to_mat(set: &ModelSet, system: System) -> Vec<u8> {
+    let first = &set.models()[0];
+    let all: Vec<Matrices> = set.models().iter().map(|m| m.matrices_in(system)).collect();
+    let joined = |pick: fn(&Matrices) -> &DMatrix<f64>| -> Vec<f64> {
+        all.iter().flat_map(|m| pick(m).as_slice().iter().copied()).collect()
+    };
+    let (n, m, p, k) =
+        (first.states().len(), first.inputs().len(), first.outputs().len(), all.len());
+    let mut file = MatFile::new();
+    file.array("A", &[n, n, k], &joined(|x| &x.a));
+    file.array("B", &[n, m, k], &joined(|x| &x.b));
+    file.array("C", &[p, n, k], &joined(|x| &x.c));
+    file.array("D", &[p, m, k], &joined(|x| &x.d));
+    let speeds: Vec<f64> = set.speeds().iter().map(|v| knots(*v)).collect();
+    file.array("speed_kt", &[k, 1], &speeds);
+    file.array("interactions", &[1, 1], &[set.interactions().map_or(f64::NAN, f64::from)]);
+    file.channels(first, system);
+    file.bytes
+}
+
+/// Writer of MAT level 5 files (MathWorks, "MAT-File Format", chapter 1).
+struct MatFile {
+    bytes: Vec<u8>,
+}
+
+mod mat {
+    pub const INT8: u32 = 1;
+    pub const UINT16: u32 = 4;
+    pub const INT32: u32 = 5;
+    pub const UINT32: u32 = 6;
+    pub const DOUBLE: u32 = 9;
+    pub const MATRIX: u32 = 14;
+    pub const CELL_CLASS: u32 = 1;
+    pub const CHAR_CLASS: u32 = 4;
+    pub const DOUBLE_CLASS: u32 = 6;
+}
+
+impl MatFile {
+    fn new() -> Self {
+        // 116 bytes of text, 8 of subsystem offset, version, byte order.
+        let mut bytes = b"MATLAB 5.0 MAT-file, written by coaxdesign".to_vec();
+        bytes.resize(124, b' ');
+        bytes[116..124].fill(0);
+        bytes.extend_from_slice(&0x0100_u16.to_le_bytes());
+        bytes.extend_from_slice(b"IM");
+        Self { bytes }
+    }
+
+    fn array(&mut self, name: &str, dimensions: &[usize], values: &[f64]) {
+        let body = numeric(name, dimensions, values);
+        element(&mut self.bytes, mat::MATRIX, &body);
+    }
+
+    fn cell_of_text(&mut self, name: &str, texts: &[&str]) {
+        let mut body = header(mat::CELL_CLASS, name, &[texts.len(), 1]);
+        for text in texts {
+            let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+            let length = units.len() / 2;
+            let mut cell = header(mat::CHAR_CLASS, "", &[usize::from(length > 0), length]);
+            element(&mut cell, mat::UINT16, &units);
+            element(&mut body, mat::MATRIX, &cell);
+        }
+        element(&mut self.bytes, mat::MATRIX, &body);
+    }
+
+    fn channels(&mut self, model: &StateSpace, system: System) {
+        for (role, list) in
+            [("state", model.states()), ("input", model.inputs()), ("output", model.outputs())]
+        {
+            let names: Vec<&str> = list.iter().map(|c| c.name.as_str()).collect();
+            let units: Vec<&str> = list.iter().map(|c| c.kind.symbol(system)).collect();
+            self.cell_of_text(&format!("{role}_names"), &names);
+            self.cell_of_text(&format!("{role}_units"), &units);
+        }
+    }
+}
+
+/// Tag, data and padding to eight bytes.
+fn element(out: &mut Vec<u8>, kind: u32, data: &[u8]) {
+    // A model would have to hold gigabytes to exceed the format's 32 bits.
+    let size = u32::try_from(data.len()).unwrap_or(u32::MAX);
+    out.extend_from_slice(&kind.to_le_bytes());
+    out.extend_from_slice(&size.to_le_bytes());
+    out.extend_from_slice(data);
+    out.resize(out.len().next_multiple_of(8), 0);
+}
+
+/// Flags, dimensions and name of an array.
+fn header(class: u32, name: &str, dimensions: &[usize]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let flags: Vec<u8> = [class, 0].into_iter().flat_map(u32::to_le_bytes).collect();
+    element(&mut out, mat::UINT32, &flags);
+    let sizes: Vec<u8> = dimensions
+        .iter()
+        .flat_map(|d| i32::try_from(*d).unwrap_or(i32::MAX).to_le_bytes())
+        .collect();
+    element(&mut out, mat::INT32, &sizes);
+    element(&mut out, mat::INT8, name.as_bytes());
+    out
+}
+
+fn numeric(name: &str, dimensions: &[usize], values: &[f64]) -> Vec<u8> {
+    let mut out = header(mat::DOUBLE_CLASS, name, dimensions);
+    let data: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    element(&mut out, mat::DOUBLE, &data);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::reference::{Condition, appendix};
+
+    fn record() -> ModelRecord {
+        ModelRecord {
+            speed: 70.0 * KNOT,
+            interactions: Some(true),
+            model: appendix(Condition::Forward).unwrap(),
+        }
+    }
+
+    #[test]
+    fn json_has_the_schema_of_the_issue_and_the_printed_numbers() {
+        let text = to_json(&record(), System::Us);
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let keys: Vec<&String> = value.as_object().unwrap().keys().collect();
+        assert_eq!(keys.len(), 10);
+        assert_eq!(value["schema"], "coaxdesign.lti/1");
+        assert_eq!(value["speed_kt"], 70.0);
+        assert_eq!(value["interactions"], true);
+        assert_eq!(value["states"][0]["unit"], "ft/s");
+        assert_eq!(value["states"][3]["unit"], "rad/s");
+        assert_eq!(value["inputs"][1]["name"], "lon");
+        // The paper's Z_lon, ft/s² per percent.
+        let z_lon = value["b"][2][1].as_f64().unwrap();
+        assert!((z_lon + 4.0453).abs() < 1e-12);
+    }
+
+    #[test]
+    fn json_round_trip_keeps_every_number() {
+        let before = record();
+        assert_eq!(from_json(&to_json(&before, System::Si)).unwrap(), before);
+        // Through feet, rounding may move the last digit once.
+        let after = from_json(&to_json(&before, System::Us)).unwrap();
+        for (x, y) in [(after.model.a(), before.model.a()), (after.model.b(), before.model.b())] {
+            for (u, v) in x.iter().zip(y.iter()) {
+                assert!((u - v).abs() <= 4.0 * f64::EPSILON * v.abs());
+            }
+        }
+        assert_eq!(after.model.states(), before.model.states());
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_a_reason() {
+        let good = to_json(&record(), System::Us);
+        for (from, to, message) in [
+            ("coaxdesign.lti/1", "coaxdesign.lti/2", "is needed"),
+            ("\"ft/s\"", "\"furlong/s\"", "furlong/s"),
+            ("\"speed_kt\": 70.0", "\"speed_kt\": \"70\"", "line 3"),
+            ("\"interactions\"", "\"interaction\"", "interaction"),
+        ] {
+            let bad = good.replacen(from, to, 1);
+            assert_ne!(bad, good);
+            let error = from_json(&bad).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        }
+        let short = good.replacen(", 0.0]", "]", 1);
+        let error = from_json(&short).unwrap_err().to_string();
+        assert!(error.contains("has 7 entries"), "{error}");
+    }
+
+    #[test]
+    fn sets_survive_the_round_trip() {
+        let set = ModelSet::new(
+            Some(true),
+            vec![0.0, 70.0 * KNOT],
+            vec![appendix(Condition::Hover).unwrap(), appendix(Condition::Forward).unwrap()],
+        )
+        .unwrap();
+        assert_eq!(set_from_json(&set_to_json(&set, System::Si)).unwrap(), set);
+    }
+
+    #[test]
+    fn csv_has_every_entry_once() {
+        let text = to_csv(&record(), System::Us).unwrap();
+        assert_eq!(text.lines().count(), 1 + 64 + 32 + 64 + 32);
+        assert!(text.contains("70.0,B,w,ft/s,lon,%,-4.0453"), "{text}");
+    }
+
+    #[test]
+    fn mat_elements_are_aligned_and_complete() {
+        // Walk the tags: sizes must lead exactly to the end of the file.
+        let bytes = to_mat(&record(), System::Us);
+        assert_eq!(&bytes[126..128], b"IM");
+        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        let (mut at, mut count) = (128, 0);
+        while at < bytes.len() {
+            assert_eq!(word(at), mat::MATRIX as usize);
+            at += 8 + word(at + 4);
+            assert_eq!(at % 8, 0);
+            count += 1;
+        }
+        assert_eq!((at, count), (bytes.len(), 12));
+    }
+}
