@@ -333,7 +333,7 @@ impl Kind {
             Kind::Time => &["s", "ms", "min"],
             Kind::Frequency => &["rad/s", "Hz"],
             Kind::Percent => &["%"],
-            Kind::AnglePerPercent => &["rad/100%", "deg/%", "rad/%"],
+            Kind::AnglePerPercent => &["deg/100%", "rad/100%", "deg/%"],
             Kind::AngularStiffness => &["lbf ft/rad", "N m/rad", "N m/deg"],
             Kind::PerAngle => &["1/rad", "1/deg"],
         }
@@ -442,7 +442,7 @@ impl QuantityError {
             Self::NoNumber { kind, .. } | Self::NotFinite { kind, .. } => right_forms("10", *kind),
             Self::Bare { text, kind } => right_forms(text, *kind),
             Self::UnknownUnit { nearest: Some(nearest), kind, number, .. } => {
-                format!("did you mean `{nearest}`? {}", right_forms(number, *kind))
+                format!("did you mean `{nearest}`? Then {}", right_forms(number, *kind))
             }
             Self::UnknownUnit { kind, number, .. }
             | Self::Syntax { kind, number, .. }

@@ -26,11 +26,18 @@ fn assert_file(path: &Path, text: &str) {
         return;
     }
     let expected = std::fs::read_to_string(path).unwrap_or_default();
+    let differs = expected
+        .lines()
+        .zip(text.lines())
+        .position(|(old, new)| old != new)
+        .unwrap_or_else(|| expected.lines().count().min(text.lines().count()));
     assert!(
         expected == text,
-        "{} does not hold what the program writes; if the change is meant, run with \
-         COAXDESIGN_BLESS=1\n--- file\n{expected}\n--- program\n{text}",
-        path.display()
+        "{}:{}: not what the program writes, which is\n{}\nIf the change is meant, run with \
+         COAXDESIGN_BLESS=1",
+        path.display(),
+        differs + 1,
+        text.lines().nth(differs).unwrap_or("(the end)")
     );
 }
 
@@ -193,10 +200,10 @@ fn every_message_names_place_key_and_right_form() {
             if !file.starts_with("syntax_") {
                 assert!(!error.key.is_empty(), "{shown}");
             }
-            // An example in code, or bounds with numbers, or the known names.
+            // An example in code, or a bound with its number.
             let form = ['`', '"', '=', '['].iter().any(|c| error.help.contains(*c));
-            let bounds = error.help.contains("at most") || error.help.contains(" to ");
-            assert!(form || bounds, "{shown}");
+            let bound = error.help.contains(|c: char| c.is_ascii_digit());
+            assert!(form || bound, "{shown}");
         }
     }
 }
@@ -208,6 +215,12 @@ fn what_is_no_file_is_said_so() {
     {
         let (code, text) = check(path);
         assert_eq!(code, 3, "{path}");
+        assert!(text.contains(words), "{text}");
+    }
+    // A file that is there but holds no problem is bad input instead.
+    for (path, words) in [("file_empty.toml", "empty"), ("file_not_utf8.toml", "UTF-8")] {
+        let (code, text) = check(path);
+        assert_eq!(code, 2, "{path}");
         assert!(text.contains(words), "{text}");
     }
 }
@@ -224,6 +237,9 @@ proptest::proptest! {
         };
         let (from, to) = (boundary(at), boundary(at + cut));
         let text = format!("{}{with}{}", &good[..from], &good[to..]);
-        let _ = problem::parse_str("damaged", &text, &root().join("problems"));
+        match problem::parse_str("damaged", &text, &root().join("problems")) {
+            Ok(loaded) => assert!(loaded.warnings.iter().all(|w| !w.render(true).is_empty())),
+            Err(report) => assert!(!report.errors.is_empty() && report.to_string().ends_with('\n')),
+        }
     }
 }

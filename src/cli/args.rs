@@ -45,7 +45,7 @@ impl ProblemArgs {
         let loaded = self.load()?;
         if !quiet {
             for warning in &loaded.warnings {
-                eprintln!("{}", warning.render(color()));
+                output::note(&(warning.render(color()) + "\n"));
             }
         }
         Ok(loaded)

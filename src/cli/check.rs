@@ -11,7 +11,7 @@ use crate::problem::{
     Spanwise, Station, TotalInflow, Wash, WingModel,
 };
 use crate::units::{Kind, System};
-use crate::vehicle::summary;
+use crate::vehicle::{Vehicle, summary};
 
 /// Digits that are shown; JSON has them all.
 const DIGITS: usize = 5;
@@ -41,12 +41,15 @@ impl Check {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         let loaded = self.problem.load()?;
         let system = self.units.system();
-        let sections = sections(&loaded.problem);
+        // Building the model finds what only the model knows, such as rotors
+        // too close to one another.
+        let vehicle = Vehicle::new(&loaded.problem)?;
+        let sections = sections(&loaded.problem, &vehicle);
         match self.format {
             Format::Table => {
                 output::print(&table(&loaded, &sections, system))?;
                 for warning in &loaded.warnings {
-                    eprint!("\n{}", warning.render(color()));
+                    output::note(&format!("\n{}", warning.render(color())));
                 }
             }
             Format::Json => {
@@ -127,13 +130,14 @@ fn wash(wash: Wash) -> Option<Cell> {
     })
 }
 
-fn sections(problem: &Problem) -> Vec<Section> {
+fn sections(problem: &Problem, vehicle: &Vehicle) -> Vec<Section> {
     vec![
         aircraft(problem),
         fuselages(problem),
         rotors(problem),
         wings(problem),
         inflow(problem),
+        interference(problem, vehicle),
         sticks(problem),
         mixes(problem),
     ]
@@ -341,6 +345,28 @@ fn inflow(problem: &Problem) -> Section {
         InterferenceRule::Coarse => "coarse",
     };
     row("interference_rule", "interference rule", one, text(rule));
+    section
+}
+
+/// What each rotor's wake does to each other rotor in hover.
+fn interference(problem: &Problem, vehicle: &Vehicle) -> Section {
+    let rotors = &problem.rotors;
+    let mut pairs = Vec::new();
+    for (source, from) in rotors.iter().enumerate() {
+        for (receiver, to) in rotors.iter().enumerate() {
+            if let Some(map) = vehicle.interference(receiver, source) {
+                pairs.push((format!("{}_on_{}", from.name, to.name), map));
+            }
+        }
+    }
+    let mut section = Section::new("interference", pairs.iter().map(|(name, _)| name.clone()));
+    section.row(
+        "hover_uniform",
+        "uniform inflow in hover, over the source's own",
+        Kind::Dimensionless,
+        &pairs,
+        |(_, map)| number(summary::hover_interference(map)),
+    );
     section
 }
 

@@ -3,7 +3,9 @@
 use std::io::IsTerminal;
 use std::path::PathBuf;
 
+use super::output;
 use crate::problem::Report;
+use crate::vehicle::VehicleError;
 
 /// Exit code of an internal error.
 pub(super) const INTERNAL: u8 = 70;
@@ -33,6 +35,9 @@ pub enum CliError {
     /// A problem file is wrong, or cannot be read.
     #[error("{0}")]
     Problem(#[from] Report),
+    /// The problem is sound as a file, but no model of it can be built.
+    #[error("the model cannot be built: {0}")]
+    Vehicle(#[from] VehicleError),
     /// Arguments that cannot be used together, or mean nothing here.
     #[error("{message}")]
     Usage {
@@ -64,7 +69,7 @@ impl CliError {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             CliError::Problem(report) if report.unreadable => 3,
-            CliError::Problem(_) | CliError::Usage { .. } => 2,
+            CliError::Problem(_) | CliError::Vehicle(_) | CliError::Usage { .. } => 2,
             CliError::Exists { .. } | CliError::Io { .. } => 3,
             CliError::Internal(_) => INTERNAL,
         }
@@ -72,14 +77,14 @@ impl CliError {
 
     pub(super) fn print(&self) {
         match self {
-            CliError::Problem(report) => eprint!("{}", report.render(color())),
+            CliError::Problem(report) => output::note(&report.render(color())),
             CliError::Usage { message, help } => {
-                eprintln!("error: {message}\n  help: {help}");
+                output::note(&format!("error: {message}\n  help: {help}\n"));
             }
             CliError::Exists { .. } => {
-                eprintln!("error: {self}\n  help: --force replaces it");
+                output::note(&format!("error: {self}\n  help: --force replaces it\n"));
             }
-            _ => eprintln!("error: {self}"),
+            _ => output::note(&format!("error: {self}\n")),
         }
     }
 }

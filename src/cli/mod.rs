@@ -76,7 +76,10 @@ pub fn main() -> ExitCode {
             error.print();
             error.exit_code()
         }
-        Err(_) => error::INTERNAL,
+        Err(_) => {
+            output::note("error: this is a mistake of the program; please report it\n");
+            error::INTERNAL
+        }
     };
     ExitCode::from(code)
 }

@@ -7,7 +7,8 @@ use super::CliError;
 
 /// Writes a file in one piece: the bytes go to a temporary file in the same
 /// directory, which then takes the name. A reader sees the old file or the
-/// new one, never half of one.
+/// new one, never half of one. A link is followed, and a device or a pipe is
+/// simply written to.
 ///
 /// Without `overwrite`, a file that is already there is left alone.
 ///
@@ -15,28 +16,38 @@ use super::CliError;
 /// [`CliError::Exists`] and [`CliError::Io`].
 pub fn write_whole(path: &Path, bytes: &[u8], overwrite: bool) -> Result<(), CliError> {
     let fault = |source| CliError::Io { path: path.into(), source };
-    if path.is_dir() {
-        return Err(fault(ErrorKind::IsADirectory.into()));
+    let mut target = path.to_path_buf();
+    if let Ok(there) = std::fs::metadata(path) {
+        if there.is_dir() {
+            return Err(fault(ErrorKind::IsADirectory.into()));
+        }
+        if !there.is_file() {
+            // Taking the name of a device would destroy it.
+            return std::fs::write(path, bytes).map_err(fault);
+        }
+        if !overwrite {
+            return Err(CliError::Exists { path: path.into() });
+        }
+        target = path.canonicalize().map_err(fault)?;
     }
-    if path.exists() && !overwrite {
-        return Err(CliError::Exists { path: path.into() });
-    }
-    let directory = match path.parent() {
+    let directory = match target.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let mut file = tempfile::Builder::new()
-        .prefix(".coaxdesign-")
-        .permissions(permissions())
-        .tempfile_in(directory)
-        .map_err(fault)?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".coaxdesign-");
+    // An ordinary new file, less what the process masks: a temporary one would
+    // be closed to everybody else.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(directory).map_err(fault)?;
     file.write_all(bytes).map_err(fault)?;
     file.as_file().sync_all().map_err(fault)?;
     let persisted = if overwrite {
-        file.persist(path)
+        file.persist(&target)
     } else {
-        // Refuses a file that came to be since the check above.
-        file.persist_noclobber(path)
+        // Refuses a file that came to be since the look above.
+        file.persist_noclobber(&target)
     };
     match persisted {
         Ok(_) => Ok(()),
@@ -45,23 +56,6 @@ pub fn write_whole(path: &Path, bytes: &[u8], overwrite: bool) -> Result<(), Cli
         }
         Err(error) => Err(fault(error.error)),
     }
-}
-
-/// Permissions of an ordinary new file, less what the process masks: those of
-/// a temporary file would keep others from reading it.
-#[cfg(unix)]
-fn permissions() -> std::fs::Permissions {
-    use std::os::unix::fs::PermissionsExt;
-    std::fs::Permissions::from_mode(0o666)
-}
-
-#[cfg(not(unix))]
-fn permissions() -> std::fs::Permissions {
-    // Only `readonly` exists elsewhere, and the default is not read-only.
-    std::env::current_exe()
-        .and_then(std::fs::metadata)
-        .map(|data| data.permissions())
-        .unwrap_or_else(|_| unreachable!("the program has permissions"))
 }
 
 /// Writes a text to standard output. A reader that has had enough and closed
@@ -77,6 +71,11 @@ pub fn print(text: &str) -> Result<(), CliError> {
         }
         _ => Ok(()),
     }
+}
+
+/// Writes a text to standard error. There is nobody to tell if that fails.
+pub fn note(text: &str) {
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }
 
 /// A number with so many significant digits, without trailing zeros:
@@ -156,6 +155,22 @@ mod tests {
             write_whole(&directory.path().join("none/x"), b"x", true),
             Err(CliError::Io { .. })
         ));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_devices_are_not_replaced() {
+        use std::os::unix::fs::FileTypeExt;
+        let directory = tempfile::tempdir().unwrap();
+        let (file, link) = (directory.path().join("file"), directory.path().join("link"));
+        std::fs::write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_whole(&link, b"new", true).unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        let null = Path::new("/dev/null");
+        write_whole(null, b"x", true).unwrap();
+        assert!(std::fs::metadata(null).unwrap().file_type().is_char_device());
     }
 
     #[test]

@@ -465,7 +465,12 @@ pub fn split(a: &DMatrix<f64>, chosen: impl Fn(C64) -> bool) -> Result<Split, Li
         }
     }
     if first == 0 || first == n {
-        return Ok(Split { t: DMatrix::identity(n, n), t_inverse: DMatrix::identity(n, n), first });
+        // Nothing to split, but still into coordinates of like size.
+        return Ok(Split {
+            t: DMatrix::from_diagonal(&scale),
+            t_inverse: DMatrix::from_diagonal(&scale.map(|d| 1.0 / d)),
+            first,
+        });
     }
     // T = [T1 T12; 0 T2]. The projector on the first subspace along the second
     // is U [I X; 0 0] Uᴴ with T1 X − X T2 = T12, solved column by column.

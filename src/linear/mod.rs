@@ -89,14 +89,18 @@ pub enum LinearError {
     /// The block of the states to be residualised has no inverse.
     #[error(
         "the fast states cannot be residualised: their block of A is singular \
-         (reciprocal condition {reciprocal_condition:.1e}); the states {} can move \
-         without any rate of change among the fast states. Keep them, or remove \
-         them first if nothing depends on them",
-        .states.join(", ")
+         (reciprocal condition {reciprocal_condition:.1e}). The rates of {} say \
+         nothing new about the fast states and leave {} undetermined. Keep the \
+         former, or remove them first if nothing depends on them",
+        .states.join(", "),
+        .free.join(", ")
     )]
     SingularFastBlock {
-        /// States with a large part in the null vector.
+        /// States whose equations are dependent: integrators of kept states,
+        /// as a rule.
         states: Vec<String>,
+        /// States that the block leaves undetermined.
+        free: Vec<String>,
         /// Smallest over largest singular value of the balanced block.
         reciprocal_condition: f64,
     },

@@ -172,17 +172,29 @@ fn check_fast_block(
     if ratio > SINGULAR * rest.len() as f64 {
         return Ok(());
     }
-    // The entries of the null vector of A₂₂ itself have units; those of the
-    // scaled block do not and can be compared.
-    let null = parts.v.column(rest.len() - 1);
-    let peak = null.amax();
+    // Left null vectors show whose equations carry no information (a state that
+    // only integrates kept ones), right null vectors which states those
+    // equations leave free. Their entries, unlike those of A₂₂ itself, have no
+    // units: rows and columns were scaled.
+    let named = |vectors: &DMatrix<f64>| -> Vec<usize> {
+        (0..rest.len())
+            .filter(|&k| {
+                (0..rest.len())
+                    .filter(|&j| parts.s[j] <= SINGULAR * rest.len() as f64 * largest)
+                    .any(|j| {
+                        let null = vectors.column(j);
+                        null[k].abs() >= NULL_VECTOR_SHARE * null.amax()
+                    })
+            })
+            .map(|k| rest[k])
+            .collect()
+    };
+    let names = |list: Vec<usize>| -> Vec<String> {
+        list.into_iter().map(|i| model.states()[i].name.clone()).collect()
+    };
     Err(LinearError::SingularFastBlock {
-        states: rest
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| null[*k].abs() >= NULL_VECTOR_SHARE * peak)
-            .map(|(_, &i)| model.states()[i].name.clone())
-            .collect(),
+        states: names(named(&parts.u)),
+        free: names(named(&parts.v)),
         reciprocal_condition: ratio,
     })
 }

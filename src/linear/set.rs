@@ -313,9 +313,8 @@ mod tests {
 
     #[test]
     fn cubic_has_a_continuous_slope() {
-        let speeds = [0.0, 4.0, 9.0, 15.0, 20.0];
-        let wavy: Vec<StateSpace> =
-            speeds.iter().map(|&v: &f64| model(10.0 * (v * 0.4).sin())).collect();
+        let speeds: [f64; 5] = [0.0, 4.0, 9.0, 15.0, 20.0];
+        let wavy: Vec<StateSpace> = speeds.iter().map(|&v| model(10.0 * (v * 0.4).sin())).collect();
         let s = ModelSet::new(None, speeds.to_vec(), wavy).unwrap();
         let h = 1e-5;
         for v in [4.0, 9.0, 15.0] {

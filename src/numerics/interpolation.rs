@@ -120,8 +120,8 @@ pub fn parabolic_slopes(x: &[f64], y: &[f64], ends: Ends) -> Vec<f64> {
         (width[right] * secant[left] + width[left] * secant[right]) / (width[left] + width[right])
     };
     let mut slopes = vec![0.0; n];
-    for i in 1..n - 1 {
-        slopes[i] = between(i - 1, i);
+    for (i, slope) in slopes.iter_mut().enumerate().take(n - 1).skip(1) {
+        *slope = between(i - 1, i);
     }
     match ends {
         Ends::Flat => {}
@@ -144,7 +144,7 @@ pub fn parabolic_slopes(x: &[f64], y: &[f64], ends: Ends) -> Vec<f64> {
 pub fn limit_slopes(x: &[f64], y: &[f64], ends: Ends, slopes: &mut [f64]) {
     let n = x.len();
     let secant = |i: usize| (y[i + 1] - y[i]) / (x[i + 1] - x[i]);
-    for i in 0..n {
+    for (i, slope) in slopes.iter_mut().enumerate() {
         let (left, right) = match (i, ends) {
             (0, Ends::Periodic) => (secant(n - 2), secant(0)),
             (0, _) => (secant(0), secant(0)),
@@ -152,11 +152,11 @@ pub fn limit_slopes(x: &[f64], y: &[f64], ends: Ends, slopes: &mut [f64]) {
             _ if i == n - 1 => (secant(n - 2), secant(n - 2)),
             _ => (secant(i - 1), secant(i)),
         };
-        slopes[i] = if left * right <= 0.0 || slopes[i] * left <= 0.0 {
+        *slope = if left * right <= 0.0 || *slope * left <= 0.0 {
             0.0
         } else {
             let bound = 3.0 * left.abs().min(right.abs());
-            slopes[i].clamp(-bound, bound)
+            slope.clamp(-bound, bound)
         };
     }
 }
@@ -225,6 +225,17 @@ fn clamp(value: f64, low: f64, high: f64) -> f64 {
     } else {
         value
     }
+}
+
+/// a + x p, function by function: one step of Horner's scheme. Written over
+/// whole arrays, so that the compiler pairs the functions in vector registers.
+#[inline(always)]
+fn step<const C: usize>(x: f64, p: [f64; C], a: &[f64; C]) -> [f64; C] {
+    let mut out = *a;
+    for c in 0..C {
+        out[c] += x * p[c];
+    }
+    out
 }
 
 /// A C¹ piecewise cubic through points, which never leaves the range of
@@ -336,8 +347,7 @@ impl<const C: usize> Bicubic<C> {
             let h = x[i + 1] - x[i];
             for j in 0..y.len() - 1 {
                 let k = y[j + 1] - y[j];
-                let mut cell = [[[0.0; C]; 4]; 4];
-                for c in 0..C {
+                let powers: [[[f64; 4]; 4]; C] = std::array::from_fn(|c| {
                     let corner = [
                         node(c, i, j),
                         node(c, i + 1, j),
@@ -353,13 +363,13 @@ impl<const C: usize> Bicubic<C> {
                             hermite_to_power(h, [p[2], q[2], p[3], q[3]]),
                         )
                     });
-                    for p in 0..4 {
-                        let in_y = hermite_to_power(k, [low.0[p], high.0[p], low.1[p], high.1[p]]);
-                        for q in 0..4 {
-                            cell[q][p][c] = in_y[q];
-                        }
-                    }
-                }
+                    std::array::from_fn(|p| {
+                        hermite_to_power(k, [low.0[p], high.0[p], low.1[p], high.1[p]])
+                    })
+                });
+                let cell: [[[f64; C]; 4]; 4] = std::array::from_fn(|q| {
+                    std::array::from_fn(|p| std::array::from_fn(|c| powers[c][p][q]))
+                });
                 cells.push(cell);
             }
         }
@@ -378,13 +388,12 @@ impl<const C: usize> Bicubic<C> {
     #[inline]
     pub fn value(&self, x: f64, y: f64) -> [f64; C] {
         let (cell, dx, dy) = self.locate(x, y);
-        std::array::from_fn(|c| {
-            let row = |q: usize| {
-                let a = &cell[q];
-                a[0][c] + dx * (a[1][c] + dx * (a[2][c] + dx * a[3][c]))
-            };
-            row(0) + dy * (row(1) + dy * (row(2) + dy * row(3)))
-        })
+        let row = |q: usize| {
+            let [a0, a1, a2, a3] = &cell[q];
+            step(dx, step(dx, step(dx, *a3, a2), a1), a0)
+        };
+        let [r0, r1, r2, r3] = [row(0), row(1), row(2), row(3)];
+        step(dy, step(dy, step(dy, r3, &r2), &r1), &r0)
     }
 
     /// Values and partial derivatives at (x, y). The values have the bits of
@@ -393,22 +402,21 @@ impl<const C: usize> Bicubic<C> {
     #[inline]
     pub fn evaluate(&self, x: f64, y: f64) -> BicubicValue<C> {
         let (cell, dx, dy) = self.locate(x, y);
-        let mut out = BicubicValue { value: [0.0; C], x: [0.0; C], y: [0.0; C] };
-        for c in 0..C {
-            let row = |q: usize| {
-                let a = &cell[q];
-                a[0][c] + dx * (a[1][c] + dx * (a[2][c] + dx * a[3][c]))
-            };
-            let row_x = |q: usize| {
-                let a = &cell[q];
-                a[1][c] + dx * (2.0 * a[2][c] + dx * (3.0 * a[3][c]))
-            };
-            let r = [row(0), row(1), row(2), row(3)];
-            out.value[c] = r[0] + dy * (r[1] + dy * (r[2] + dy * r[3]));
-            out.y[c] = r[1] + dy * (2.0 * r[2] + dy * (3.0 * r[3]));
-            out.x[c] = row_x(0) + dy * (row_x(1) + dy * (row_x(2) + dy * row_x(3)));
+        // Horner's scheme, and its derivative carried along.
+        let row = |q: usize| {
+            let [a0, a1, a2, a3] = &cell[q];
+            let p1 = step(dx, *a3, a2);
+            let p2 = step(dx, p1, a1);
+            (step(dx, p2, a0), step(dx, step(dx, *a3, &p1), &p2))
+        };
+        let [(r0, s0), (r1, s1), (r2, s2), (r3, s3)] = [row(0), row(1), row(2), row(3)];
+        let p1 = step(dy, r3, &r2);
+        let p2 = step(dy, p1, &r1);
+        BicubicValue {
+            value: step(dy, p2, &r0),
+            x: step(dy, step(dy, step(dy, s3, &s2), &s1), &s0),
+            y: step(dy, step(dy, r3, &p1), &p2),
         }
-        out
     }
 
     /// The surfaces of several one-function tables joined on the union of

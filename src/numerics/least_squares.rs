@@ -690,11 +690,12 @@ impl<'a, 'o> LevenbergMarquardt<'a, 'o> {
     }
 
     /// The status of a least-squares point with residuals left.
-    fn stationary_status(&self, x: &DVector<f64>, gradient: &DVector<f64>) -> Status {
+    fn stationary_status(&self, point: &Point, gradient: &DVector<f64>) -> Status {
+        let x = &point.x;
+        let least = self.options.gradient_tolerance * point.residuals.norm();
         let pushed: Vec<usize> = (0..x.len())
             .filter(|&i| {
-                let weight = gradient[i].abs() > self.options.gradient_tolerance * self.scale[i];
-                weight
+                gradient[i].abs() > least * self.scale[i]
                     && ((x[i] <= self.low[i] && gradient[i] > 0.0)
                         || (x[i] >= self.high[i] && gradient[i] < 0.0))
             })
@@ -760,7 +761,7 @@ impl<'a, 'o> LevenbergMarquardt<'a, 'o> {
                 free.iter().map(|&i| gradient[i].abs() / self.scale[i]).fold(0.0, f64::max);
             if steepest <= self.options.gradient_tolerance * norm_r {
                 self.status = Some(if self.decompose(&jacobian, free).is_some() {
-                    self.stationary_status(&point.x, &gradient)
+                    self.stationary_status(&point, &gradient)
                 } else {
                     svd_failed()
                 });
@@ -849,9 +850,9 @@ impl<'a, 'o> LevenbergMarquardt<'a, 'o> {
         self.status = if residual_max <= self.options.residual_tolerance {
             Some(Status::Converged)
         } else if !accepted && !chord && predicted <= LEAST_REDUCTION * cost && held == 0 {
-            Some(self.stationary_status(&point.x, &gradient))
+            Some(self.stationary_status(&point, &gradient))
         } else if !accepted && !chord && tiny {
-            Some(match (self.recent_failure(), self.stationary_status(&point.x, &gradient)) {
+            Some(match (self.recent_failure(), self.stationary_status(&point, &gradient)) {
                 (Some(failure), _) => failure.into(),
                 (None, Status::Stationary) => Status::NoDescent,
                 (None, other) => other,

@@ -108,7 +108,7 @@ fn mass(host: &mut dyn Host, table: &CheckedTable) -> Option<MassProperties> {
     principal.sort_by(f64::total_cmp);
     let shown = principal.map(|moment| {
         let value = Kind::Inertia.from_si(moment, System::Us);
-        format!("{value:.4}")
+        format!("{value:.1}")
     });
     let fault = if principal[0] <= 0.0 {
         "the inertia tensor is not positive definite"

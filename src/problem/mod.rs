@@ -66,7 +66,10 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded, Report> {
             vec![Diagnostic::whole_file(
                 &path.display().to_string(),
                 fault.message,
-                "name a problem file, or start one with `coaxdesign new FILE`".into(),
+                fault
+                    .help
+                    .unwrap_or("name a problem file, or start one with `coaxdesign new FILE`")
+                    .into(),
             )],
             fault.unreadable,
         )),
@@ -121,6 +124,8 @@ enum Library {
 
 struct ReadFault {
     message: String,
+    /// What to do, where that depends on the fault.
+    help: Option<&'static str>,
     /// Whether the system could not read the file, rather than its content
     /// being no text.
     unreadable: bool,
@@ -128,7 +133,11 @@ struct ReadFault {
 
 impl Library {
     fn read(self, path: &Path) -> Result<String, ReadFault> {
-        let fault = |message: &str, unreadable| ReadFault { message: message.into(), unreadable };
+        let fault = |message: &str, unreadable: bool| ReadFault {
+            message: message.into(),
+            help: (!unreadable).then_some("save it as UTF-8 text, as most editors do by default"),
+            unreadable,
+        };
         match self {
             Library::Embedded => EMBEDDED
                 .iter()
@@ -173,7 +182,6 @@ struct Loader {
     /// Directory of each source.
     directories: Vec<PathBuf>,
     findings: Vec<Diagnostic>,
-    unreadable: bool,
     airfoils: HashMap<PathBuf, Option<Arc<AirfoilTable>>>,
     fuselages: HashMap<PathBuf, Option<Arc<FuselageTable>>>,
 }
@@ -185,7 +193,6 @@ impl Loader {
             sources: Sources::default(),
             directories: Vec::new(),
             findings: Vec::new(),
-            unreadable: false,
             airfoils: HashMap::new(),
             fuselages: HashMap::new(),
         }
@@ -237,7 +244,7 @@ impl Loader {
                 report::sort(&mut self.findings);
                 Ok(Loaded { problem, warnings: self.findings, sources: self.sources })
             }
-            _ => Err(Report::new(self.findings, self.unreadable)),
+            _ => Err(Report::new(self.findings, false)),
         }
     }
 
@@ -280,7 +287,7 @@ impl Loader {
                     &place,
                     "extends",
                     format!("{}: {}", path.display(), fault.message),
-                    help(),
+                    fault.help.map_or_else(help, String::from),
                 );
                 return entries;
             }
@@ -320,9 +327,14 @@ impl Loader {
                     place,
                     key,
                     format!("{}: {}", path.display(), fault.message),
-                    format!(
-                        "name {what}, relative to the file that names it, such as \
-                         table = \"airfoils/naca23012.c81\""
+                    fault.help.map_or_else(
+                        || {
+                            format!(
+                                "name {what}, relative to the file that names it, such as \
+                                 table = \"airfoils/naca23012.c81\""
+                            )
+                        },
+                        String::from,
                     ),
                 );
                 return None;

@@ -174,6 +174,7 @@ fn listed(group: &[&str]) -> String {
 fn need(key: &Key) -> String {
     match key.need {
         Need::Required => "required".into(),
+        Need::Default("{}") if matches!(key.value, Value::Named(..)) => "none".into(),
         Need::Default("{}") => "all defaults".into(),
         Need::Default(text) => format!("`{text}`"),
         Need::Optional(without) => format!("none: {without}"),

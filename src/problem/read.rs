@@ -147,6 +147,11 @@ impl CheckedTable {
     }
 }
 
+/// Message of an absent key.
+const MISSING: &str = "missing key";
+/// Jaro-Winkler likeness from which one word is taken for another, misspelled.
+const LIKENESS: f64 = 0.8;
+
 fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
@@ -219,7 +224,7 @@ impl Reader<'_> {
                     self.error(
                         place,
                         &key_path,
-                        "missing key".into(),
+                        MISSING.into(),
                         format!("add {}: {}", example(key, &key_path), first_sentence(key.doc)),
                     );
                 }
@@ -266,14 +271,16 @@ impl Reader<'_> {
                 None
             }
             [group] => Some(group),
-            [_, second, ..] => {
-                let at = uses(second).map_or(place, |entry| &entry.place).clone();
-                self.error(
-                    &at,
-                    path,
-                    format!("{spelled} exclude one another"),
-                    "keep one of them and remove the other".into(),
+            [first, second, ..] => {
+                let (Some(one), Some(other)) = (uses(first), uses(second)) else {
+                    return None;
+                };
+                let message = format!("`{}` and `{}` exclude one another", one.name, other.name);
+                let help = format!(
+                    "keep `{}` and remove `{}`, or the other way round",
+                    one.name, other.name
                 );
+                self.error(&other.place, path, message, help);
                 None
             }
         }
@@ -297,12 +304,10 @@ impl Reader<'_> {
             },
             Value::Path => match &node.value {
                 Tree::Text(text) if !text.is_empty() => Some(Checked::Path(text.into())),
-                _ => self.wrong_type(
-                    node,
-                    path,
-                    "the path of a file",
-                    &format!("{} = \"airfoils/naca23012.c81\"", entry.name),
-                ),
+                _ => {
+                    let example = example_path(&entry.name);
+                    self.wrong_type(node, path, "the path of a file", &example)
+                }
             },
             Value::Bool => match &node.value {
                 Tree::Bool(value) => Some(Checked::Bool(*value)),
@@ -323,12 +328,15 @@ impl Reader<'_> {
                         None
                     }
                 },
-                _ => self.wrong_type(
-                    node,
-                    path,
-                    "a whole number",
-                    &format!("{} = {low}", entry.name),
-                ),
+                _ => {
+                    let number = match node.value {
+                        // `2.0` was meant as 2.
+                        Tree::Float(value) if value.fract() == 0.0 && value > 0.0 => value,
+                        _ => (*low).max(2) as f64,
+                    };
+                    let form = format!("{} = {number}", entry.name);
+                    self.wrong_type(node, path, "a whole number", &form)
+                }
             },
             Value::Number(bounds) => {
                 let number = self.number(node, path, bounds)?;
@@ -415,8 +423,11 @@ impl Reader<'_> {
                         );
                     }
                     if let Tree::Table(inner) = &entry.node.value {
+                        let before = self.findings.len();
                         let checked = self.table(table, inner, &path, &entry.place);
-                        tables.push((entry.name.clone(), checked));
+                        if !self.misspelled(before, entry, entries, &path, noun) {
+                            tables.push((entry.name.clone(), checked));
+                        }
                     } else {
                         self.wrong_type(&entry.node, &path, "a table", &format!("[{path}]"));
                     }
@@ -424,6 +435,35 @@ impl Reader<'_> {
                 Some(Checked::Named(tables))
             }
         }
+    }
+
+    /// Whether an incomplete table of an extending file is a misspelled one of
+    /// its base. One error that says so then takes the place of an error for
+    /// each missing key.
+    fn misspelled(
+        &mut self,
+        before: usize,
+        entry: &Entry,
+        siblings: &[Entry],
+        path: &str,
+        noun: &str,
+    ) -> bool {
+        let incomplete = self.findings[before..].iter().any(|f| f.message == MISSING);
+        let meant = siblings.iter().find(|sibling| {
+            sibling.place.source != entry.place.source
+                && strsim::jaro_winkler(&sibling.name, &entry.name) > LIKENESS
+        });
+        let Some(meant) = meant.filter(|_| incomplete) else {
+            return false;
+        };
+        self.findings.truncate(before);
+        self.error(
+            &entry.place,
+            path,
+            format!("no {noun} of the base has this name, and for a new one keys are missing"),
+            format!("did you mean `{}`? A new {noun} needs all keys without a default", meant.name),
+        );
+        true
     }
 
     fn wrong_type(
@@ -545,7 +585,7 @@ impl Reader<'_> {
             self.error(
                 &node.place,
                 path,
-                format!("{value} is not a finite number"),
+                format!("`{}` is not a finite number", self.sources.slice(&node.place)),
                 format!("write a number {}", words(bounds)),
             );
             return None;
@@ -653,19 +693,17 @@ fn inside(value: f64, kind: Kind, bounds: &Bounds) -> bool {
     above && below
 }
 
-/// Bounds in words: `above 0 ft and at most 200 ft`.
+/// Bounds in words: `from 0 to 1`, `above 0 ft and at most 200 ft`.
 pub(crate) fn words(bounds: &Bounds) -> String {
-    let low = bounds.low.map(|(low, included)| match included {
-        true => format!("at least {low}"),
-        false => format!("above {low}"),
-    });
-    let high = bounds.high.map(|(high, included)| match included {
-        true => format!("at most {high}"),
-        false => format!("below {high}"),
-    });
-    match (low, high) {
-        (Some(low), Some(high)) => format!("{low} and {high}"),
-        (Some(one), None) | (None, Some(one)) => one,
+    match (bounds.low, bounds.high) {
+        (Some((low, true)), Some((high, true))) => format!("from {low} to {high}"),
+        (Some((low, true)), Some((high, false))) => format!("from {low} to below {high}"),
+        (Some((low, false)), Some((high, true))) => format!("above {low} and at most {high}"),
+        (Some((low, false)), Some((high, false))) => format!("above {low} and below {high}"),
+        (Some((low, true)), None) => format!("at least {low}"),
+        (Some((low, false)), None) => format!("above {low}"),
+        (None, Some((high, true))) => format!("at most {high}"),
+        (None, Some((high, false))) => format!("below {high}"),
         (None, None) => "of any size".into(),
     }
 }
@@ -684,7 +722,7 @@ pub fn nearest_help<'a>(given: &str, known: impl Iterator<Item = &'a str>, what:
     }
     let list = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     match best {
-        Some((name, likeness)) if likeness > 0.8 => {
+        Some((name, likeness)) if likeness > LIKENESS => {
             format!("did you mean `{name}`? The {what} here are {list}")
         }
         _ => format!("the {what} here are {list}"),
@@ -697,12 +735,20 @@ fn quantities_form(name: &str, count: usize, kind: Kind) -> String {
     format!("{name} = [{}]", items.join(", "))
 }
 
+/// A key that names a file, as it could stand in a file.
+fn example_path(key: &str) -> String {
+    match key {
+        "extends" => format!("{key} = \"coax2d.toml\""),
+        _ => format!("{key} = \"airfoils/naca23012.c81\""),
+    }
+}
+
 /// A key as it could stand in a file.
 fn example(key: &Key, path: &str) -> String {
     let name = key.name;
     match &key.value {
         Value::Text => format!("{name} = \"...\""),
-        Value::Path => format!("{name} = \"airfoils/naca23012.c81\""),
+        Value::Path => example_path(name),
         Value::Bool => format!("{name} = true"),
         Value::Count(low, _) => format!("{name} = {}", (*low).max(2)),
         Value::Number(_) => format!("{name} = 0.5"),

@@ -161,7 +161,7 @@ impl Report {
 
 /// Puts findings in the order of the files, from top to bottom.
 pub(crate) fn sort(findings: &mut [Diagnostic]) {
-    findings.sort_by(|a, b| (a.order, a.line, a.column).cmp(&(b.order, b.line, b.column)));
+    findings.sort_by_key(|finding| (finding.order, finding.line, finding.column));
 }
 
 impl fmt::Display for Report {

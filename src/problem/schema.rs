@@ -11,7 +11,7 @@ use crate::units::Kind;
 
 /// A number and a unit.
 const QUANTITY: &str =
-    "^\\s*[+\\-\u{2212}]?(\\d+\\.?\\d*|\\.\\d+)([eE][+\\-]?\\d+)?\\s*[^\\d\\s.].*$";
+    "^\\s*[+\\-\u{2212}]?(\\d+\\.?\\d*|\\.\\d+)([eE][+\\-]?\\d+)?\\s*([^\\d\\s.].*|1\\s*/.*)$";
 
 /// Writes the JSON Schema (draft 2020-12) of problem files.
 ///

@@ -60,14 +60,25 @@ pub(crate) fn parse(sources: &Sources, source: usize, findings: &mut Vec<Diagnos
             &place,
             "",
             format!("not valid TOML: {}", error.message().replace('\n', "; ")),
-            "a line is `key = value`, such as `radius = \"10.66 ft\"`, \
-             or a heading, such as `[rotors.upper]`"
-                .into(),
+            syntax_help(error.message()).into(),
         ));
     }
     Node {
         place: Place { source, span: 0..0 },
         value: Value::Table(entries(table.get_ref(), source)),
+    }
+}
+
+/// The right form for the commonest slips.
+fn syntax_help(message: &str) -> &'static str {
+    if message.contains("duplicate key") {
+        "each key and each heading stands once, such as one `radius = \"10.66 ft\"` under one \
+         `[rotors.upper]`"
+    } else if message.contains("must be quoted") {
+        "texts and quantities stand in quotes, such as `radius = \"10.66 ft\"`"
+    } else {
+        "a line is `key = value`, such as `radius = \"10.66 ft\"`, or a heading, such as \
+         `[rotors.upper]`"
     }
 }
 
