@@ -8,6 +8,8 @@ fn main() {
     }
     let t = std::time::Instant::now();
     let set = models::build(&loaded.problem, &s.models, &s.speeds, &|| ()).unwrap();
+    println!("left out {:?}", set.left_out);
+    let set = set.set;
     println!("models {:.2} s", t.elapsed().as_secs_f64());
     for p in &set.plants {
         let q = &p[0];

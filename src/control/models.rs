@@ -23,8 +23,10 @@ pub enum ModelsError {
         /// Cause.
         source: VehicleError,
     },
-    /// A trim did not converge.
-    #[error("model '{model}' does not trim at {speed:.1} m/s: {reason}")]
+    /// No speed is left.
+    #[error(
+        "there is no speed at which every model trims: model '{model}' at {speed:.1} m/s: {reason}"
+    )]
     Trim {
         /// Model.
         model: String,
@@ -53,6 +55,26 @@ pub enum ModelsError {
     },
 }
 
+/// A model and speed without a trim.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LeftOut {
+    /// Model.
+    pub model: String,
+    /// Speed, m/s.
+    pub speed: f64,
+    /// What the trim says.
+    pub reason: String,
+}
+
+/// Plants, and what is missing among them.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// Plants at the speeds at which every model trims.
+    pub set: ModelSet,
+    /// Models and speeds without a trim.
+    pub left_out: Vec<LeftOut>,
+}
+
 /// A problem varied as a model asks.
 pub fn varied(problem: &Problem, model: &ModelSpec) -> Problem {
     let mut p = problem.clone();
@@ -73,15 +95,19 @@ pub fn varied(problem: &Problem, model: &ModelSpec) -> Problem {
 /// parallel; the result does not depend on it. `progress` hears of every
 /// trim.
 ///
+/// A speed at which a model does not trim is left out for all of them, and
+/// named in [`Built::left_out`].
+///
 /// # Errors
-/// The first model and speed that cannot be trimmed, linearised or reduced.
+/// A model without a vehicle, a trim that cannot be linearised or reduced, or
+/// no speed at which all models trim.
 pub fn build(
     problem: &Problem,
     models: &[ModelSpec],
     speeds: &[f64],
     progress: &(dyn Fn() + Sync),
-) -> Result<ModelSet, ModelsError> {
-    let columns: Vec<Vec<Plant>> = models
+) -> Result<Built, ModelsError> {
+    let columns: Vec<Vec<Result<Plant, LeftOut>>> = models
         .par_iter()
         .map(|model| {
             let name = || model.info.name.clone();
@@ -108,14 +134,30 @@ pub fn build(
                     let full = averaged(&vehicle, &converged, &linearize::Options::default())
                         .map_err(|source| ModelsError::Linear { model: name(), speed, source })?;
                     from_state_space(&full, speed, trim_point)
+                        .map(Ok)
                         .map_err(|source| ModelsError::Linear { model: name(), speed, source })
                 })
                 .collect::<Result<Vec<_>, _>>()
         })
         .collect::<Result<_, _>>()?;
-    let plants: Vec<Vec<Plant>> = (0..speeds.len())
-        .map(|v| columns.iter().map(|column| column[v].clone()).collect())
-        .collect();
+    let mut left_out = Vec::new();
+    let mut plants: Vec<Vec<Plant>> = Vec::new();
+    for v in 0..speeds.len() {
+        let mut list = Vec::with_capacity(models.len());
+        for column in &columns {
+            match &column[v] {
+                Ok(plant) => list.push(plant.clone()),
+                Err(missing) => left_out.push(missing.clone()),
+            }
+        }
+        if list.len() == models.len() {
+            plants.push(list);
+        }
+    }
+    if plants.is_empty() {
+        let LeftOut { model, speed, reason } = left_out.first().cloned().unwrap_or_default();
+        return Err(ModelsError::Trim { model, speed, reason });
+    }
     for list in &plants {
         for (plant, model) in list.iter().zip(models) {
             plant
@@ -123,7 +165,8 @@ pub fn build(
                 .map_err(|source| ModelsError::Plant { model: model.info.name.clone(), source })?;
         }
     }
-    Ok(ModelSet { models: models.iter().map(|m| m.info.clone()).collect(), plants })
+    let set = ModelSet { models: models.iter().map(|m| m.info.clone()).collect(), plants };
+    Ok(Built { set, left_out })
 }
 
 /// The part of a trim that the control law needs.

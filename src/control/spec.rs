@@ -69,6 +69,10 @@ pub struct ModelSpec {
     pub altitude: Option<f64>,
 }
 
+/// Factor by which the tuning exceeds a crossover bound: a curve that just
+/// touches 0 dB there has no crossing.
+const CROSSOVER_BACK_OFF: f64 = 1.003;
+
 /// Requirements of one channel, as verified; the tuning may ask for more.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelRequirement {
@@ -87,6 +91,10 @@ impl ChannelRequirement {
         let mut spec = self.spec;
         spec.nominal.phase += self.phase_reserve;
         spec.off_nominal.phase += self.phase_reserve;
+        for t in [&mut spec.nominal, &mut spec.off_nominal] {
+            t.crossover_min = t.crossover_min.map(|w| w * CROSSOVER_BACK_OFF);
+            t.crossover_max = t.crossover_max.map(|w| w / CROSSOVER_BACK_OFF);
+        }
         spec
     }
 }
