@@ -151,11 +151,7 @@ struct Display {
 }
 
 const fn scaled(symbol: &'static str, factor: f64) -> Display {
-    Display {
-        symbol,
-        factor,
-        offset: 0.0,
-    }
+    Display { symbol, factor, offset: 0.0 }
 }
 
 impl Kind {
@@ -229,11 +225,9 @@ impl Kind {
             (Kind::Density, Si) => scaled("kg/m^3", 1.0),
             (Kind::Pressure, Us) => scaled("lbf/ft^2", POUND_FORCE / (FOOT * FOOT)),
             (Kind::Pressure, Si) => scaled("Pa", 1.0),
-            (Kind::Temperature, Us) => Display {
-                symbol: "degF",
-                factor: RANKINE,
-                offset: FAHRENHEIT_ZERO,
-            },
+            (Kind::Temperature, Us) => {
+                Display { symbol: "degF", factor: RANKINE, offset: FAHRENHEIT_ZERO }
+            }
             (Kind::TemperatureDifference, Us) => scaled("degF", RANKINE),
             (Kind::Temperature | Kind::TemperatureDifference, Si) => scaled("K", 1.0),
             (Kind::Time, _) => scaled("s", 1.0),
@@ -339,7 +333,7 @@ impl Kind {
             Kind::Time => &["s", "ms", "min"],
             Kind::Frequency => &["rad/s", "Hz"],
             Kind::Percent => &["%"],
-            Kind::AnglePerPercent => &["rad/100%", "deg/%", "rad/%"],
+            Kind::AnglePerPercent => &["deg/100%", "rad/100%", "deg/%"],
             Kind::AngularStiffness => &["lbf ft/rad", "N m/rad", "N m/deg"],
             Kind::PerAngle => &["1/rad", "1/deg"],
         }
@@ -447,12 +441,9 @@ impl QuantityError {
         match self {
             Self::NoNumber { kind, .. } | Self::NotFinite { kind, .. } => right_forms("10", *kind),
             Self::Bare { text, kind } => right_forms(text, *kind),
-            Self::UnknownUnit {
-                nearest: Some(nearest),
-                kind,
-                number,
-                ..
-            } => format!("did you mean `{nearest}`? {}", right_forms(number, *kind)),
+            Self::UnknownUnit { nearest: Some(nearest), kind, number, .. } => {
+                format!("did you mean `{nearest}`? Then {}", right_forms(number, *kind))
+            }
             Self::UnknownUnit { kind, number, .. }
             | Self::Syntax { kind, number, .. }
             | Self::WrongDimension { kind, number, .. } => right_forms(number, *kind),
@@ -482,11 +473,7 @@ struct Unit {
 }
 
 const fn unit(name: &'static str, factor: f64, dimension: Dimension) -> Unit {
-    Unit {
-        name,
-        factor,
-        dimension,
-    }
+    Unit { name, factor, dimension }
 }
 
 /// Every unit name that is understood. `lb` stands here as a mass; where a
@@ -565,11 +552,7 @@ enum UnitFault {
 /// factor that follows it, together with a number in front of that factor.
 /// With `pound_is_force`, `lb` means `lbf`.
 fn parse_unit(text: &str, pound_is_force: bool) -> Result<Compound, UnitFault> {
-    let mut compound = Compound {
-        numerator: 1.0,
-        denominator: 1.0,
-        dimension: Dimension::NONE,
-    };
+    let mut compound = Compound { numerator: 1.0, denominator: 1.0, dimension: Dimension::NONE };
     let mut chars = text.chars().peekable();
     // What stands between the previous factor and the next.
     let mut dividing = false;
@@ -607,9 +590,8 @@ fn parse_unit(text: &str, pound_is_force: bool) -> Result<Compound, UnitFault> {
                     digits.push(d);
                     chars.next();
                 }
-                let number: f64 = digits
-                    .parse()
-                    .map_err(|_| UnitFault::Syntax("it holds a malformed number"))?;
+                let number: f64 =
+                    digits.parse().map_err(|_| UnitFault::Syntax("it holds a malformed number"))?;
                 if !(number.is_finite() && number > 0.0) {
                     return Err(UnitFault::Syntax("a number in it must be positive"));
                 }
@@ -697,9 +679,7 @@ fn parse_power(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Result<i
             let power = digit as i32;
             Ok(if negative { -power } else { power })
         }
-        _ => Err(UnitFault::Syntax(
-            "a power must be a whole number from 1 to 4",
-        )),
+        _ => Err(UnitFault::Syntax("a power must be a whole number from 1 to 4")),
     }
 }
 
@@ -708,12 +688,7 @@ fn parse_power(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Result<i
 fn split_number(text: &str) -> (&str, &str) {
     let bytes = text.as_bytes();
     let mut end = usize::from(matches!(bytes.first(), Some(b'+' | b'-')));
-    let digits = |from: usize| {
-        bytes[from..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit())
-            .count()
-    };
+    let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
     let whole = digits(end);
     end += whole;
     let mut fraction = 0;
@@ -769,20 +744,14 @@ pub fn parse_quantity(text: &str, kind: Kind) -> Result<f64, QuantityError> {
     let value = match number.parse::<f64>() {
         Ok(value) if value.is_finite() => value,
         _ => {
-            return Err(QuantityError::NotFinite {
-                text: text.clone(),
-                kind,
-            });
+            return Err(QuantityError::NotFinite { text: text.clone(), kind });
         }
     };
     if unit_text.is_empty() {
         return if kind == Kind::Dimensionless {
             Ok(value)
         } else {
-            Err(QuantityError::Bare {
-                text: number.into(),
-                kind,
-            })
+            Err(QuantityError::Bare { text: number.into(), kind })
         };
     }
     // Scales with an offset stand alone: a compound of them has no meaning.
@@ -828,10 +797,7 @@ pub fn parse_quantity(text: &str, kind: Kind) -> Result<f64, QuantityError> {
             return if si.is_finite() {
                 Ok(si)
             } else {
-                Err(QuantityError::NotFinite {
-                    text: text.clone(),
-                    kind,
-                })
+                Err(QuantityError::NotFinite { text: text.clone(), kind })
             };
         }
         mismatch.get_or_insert(compound.dimension);
@@ -850,10 +816,7 @@ fn describe(dimension: Dimension) -> String {
         return kind.noun().into();
     }
     let mut words = Vec::new();
-    for (symbol, power) in ["m", "kg", "s", "K", "rad", "%"]
-        .iter()
-        .zip(dimension.0.iter())
-    {
+    for (symbol, power) in ["m", "kg", "s", "K", "rad", "%"].iter().zip(dimension.0.iter()) {
         match power {
             0 => {}
             1 => words.push((*symbol).to_string()),
@@ -902,8 +865,7 @@ fn nearest_unit(word: &str) -> Option<&'static str> {
             best = Some((name, likeness));
         }
     }
-    best.filter(|(_, likeness)| *likeness > 0.75)
-        .map(|(name, _)| name)
+    best.filter(|(_, likeness)| *likeness > 0.75).map(|(name, _)| name)
 }
 
 #[cfg(test)]
@@ -911,10 +873,7 @@ mod tests {
     use super::*;
 
     fn close(a: f64, b: f64) {
-        assert!(
-            (a - b).abs() <= 4.0 * f64::EPSILON * b.abs(),
-            "{a} is not {b}"
-        );
+        assert!((a - b).abs() <= 4.0 * f64::EPSILON * b.abs(), "{a} is not {b}");
     }
 
     #[test]
@@ -966,18 +925,9 @@ mod tests {
         for text in ["992 lb", "992 lbf", "992 lbm"] {
             close(parse_quantity(text, Kind::Mass).unwrap(), mass);
         }
-        close(
-            parse_quantity("992 lb", Kind::Force).unwrap(),
-            mass * STANDARD_GRAVITY,
-        );
-        close(
-            parse_quantity("1 ft lb", Kind::Moment).unwrap(),
-            POUND_FORCE * FOOT,
-        );
-        close(
-            parse_quantity("1 lb ft^2", Kind::Inertia).unwrap(),
-            POUND * FOOT * FOOT,
-        );
+        close(parse_quantity("992 lb", Kind::Force).unwrap(), mass * STANDARD_GRAVITY);
+        close(parse_quantity("1 ft lb", Kind::Moment).unwrap(), POUND_FORCE * FOOT);
+        close(parse_quantity("1 lb ft^2", Kind::Inertia).unwrap(), POUND * FOOT * FOOT);
         // A mass given as a force in newtons is refused: only pounds have the
         // habit of meaning both.
         assert!(parse_quantity("4413 N", Kind::Mass).is_err());
@@ -999,10 +949,7 @@ mod tests {
         ] {
             close(parse_quantity(text, Kind::Inertia).unwrap(), expected);
         }
-        close(
-            parse_quantity("1 N m/rad", Kind::AngularStiffness).unwrap(),
-            1.0,
-        );
+        close(parse_quantity("1 N m/rad", Kind::AngularStiffness).unwrap(), 1.0);
         close(parse_quantity("1 m s^-2", Kind::Acceleration).unwrap(), 1.0);
         close(parse_quantity("1 m/s/s", Kind::Acceleration).unwrap(), 1.0);
         close(parse_quantity("6.1 1/rad", Kind::PerAngle).unwrap(), 6.1);
@@ -1014,10 +961,7 @@ mod tests {
         for text in ["0.5 rad/100%", "0.5 rad/100 %", "0.5 rad / 100 %"] {
             assert_eq!(parse_quantity(text, Kind::AnglePerPercent), Ok(0.005));
         }
-        close(
-            parse_quantity("1 deg/%", Kind::AnglePerPercent).unwrap(),
-            DEGREE,
-        );
+        close(parse_quantity("1 deg/%", Kind::AnglePerPercent).unwrap(), DEGREE);
         assert_eq!(parse_quantity("97 %", Kind::Dimensionless), Ok(0.97));
         assert_eq!(parse_quantity("-100 %", Kind::Percent), Ok(-100.0));
     }
@@ -1046,48 +990,29 @@ mod tests {
 
         let error = fault("10 slgu ft^2", Kind::Inertia);
         assert!(
-            matches!(
-                &error,
-                QuantityError::UnknownUnit {
-                    nearest: Some("slug"),
-                    ..
-                }
-            ),
+            matches!(&error, QuantityError::UnknownUnit { nearest: Some("slug"), .. }),
             "{error:?}"
         );
         let error = fault("10 degrees", Kind::Angle);
         assert!(error.help().contains("`deg`"));
 
         let error = fault("10 kg", Kind::Length);
-        assert_eq!(
-            error.to_string(),
-            "`kg` measures a mass, but a length is expected"
-        );
+        assert_eq!(error.to_string(), "`kg` measures a mass, but a length is expected");
         assert!(error.help().contains("\"10 ft\""));
-        assert!(matches!(
-            fault("47 1/s", Kind::AngularRate),
-            QuantityError::WrongDimension { .. }
-        ));
+        assert!(matches!(fault("47 1/s", Kind::AngularRate), QuantityError::WrongDimension { .. }));
         assert!(matches!(
             fault("3 rad", Kind::Dimensionless),
             QuantityError::WrongDimension { .. }
         ));
 
         for text in ["nan ft", "inf m", "-inf", "1e999 ft", "1e308 km"] {
-            assert!(
-                matches!(fault(text, Kind::Length), QuantityError::NotFinite { .. }),
-                "{text}"
-            );
+            assert!(matches!(fault(text, Kind::Length), QuantityError::NotFinite { .. }), "{text}");
         }
         for text in ["", "ft", "ten ft", ".", "-", "e5 m"] {
-            assert!(
-                matches!(fault(text, Kind::Length), QuantityError::NoNumber { .. }),
-                "{text}"
-            );
+            assert!(matches!(fault(text, Kind::Length), QuantityError::NoNumber { .. }), "{text}");
         }
-        for text in [
-            "1 m/", "1 /", "1 *m", "1 m//s", "1 N/m s", "1 m^0", "1 m^12", "1 m^", "1 m,s",
-        ] {
+        for text in ["1 m/", "1 /", "1 *m", "1 m//s", "1 N/m s", "1 m^0", "1 m^12", "1 m^", "1 m,s"]
+        {
             assert!(
                 matches!(fault(text, Kind::Length), QuantityError::Syntax { .. }),
                 "{text}: {:?}",

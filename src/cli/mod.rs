@@ -1,1 +1,95 @@
 //! The command line.
+//!
+//! One file a subcommand. A subcommand turns arguments into calls of the
+//! library and results into text; it holds no formulas. It gives an
+//! [`Outcome`], or a [`CliError`] that knows its exit code.
+
+pub mod args;
+mod check;
+mod completions;
+mod error;
+mod man;
+mod new;
+pub mod output;
+mod schema;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use error::{CliError, Outcome};
+
+/// Exit codes, for `--help` and the manual page.
+const EXIT_CODES: &str = "\
+Exit codes:
+   0  done
+   1  the computation ran but did not reach its goal, for example a trim that did not converge
+   2  bad usage or bad input; every error of a problem file is listed
+   3  a file could not be read or written
+  70  an internal error of the program";
+
+/// From a description of a rotorcraft to a flyable gain schedule
+#[derive(Debug, Parser)]
+#[command(name = "coaxdesign", version, after_help = EXIT_CODES, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Check a problem file and show what was understood
+    Check(check::Check),
+    /// Write the JSON Schema of problem files, for editors
+    Schema(schema::Schema),
+    /// Write a commented problem file to start from
+    New(new::New),
+    /// Print completions for a shell
+    Completions(completions::Completions),
+    /// Print a manual page
+    Man(man::Man),
+}
+
+impl Command {
+    fn run(self) -> Result<Outcome, CliError> {
+        match self {
+            Command::Check(command) => command.run(),
+            Command::Schema(command) => command.run(),
+            Command::New(command) => command.run(),
+            Command::Completions(command) => command.run(),
+            Command::Man(command) => command.run(),
+        }
+    }
+}
+
+/// Runs the program with the arguments of the process.
+///
+/// A panic is a mistake of the program: it ends with exit code 70, so that
+/// scripts can tell it from bad input.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let code = match std::panic::catch_unwind(|| cli.command.run()) {
+        Ok(Ok(outcome)) => outcome.exit_code(),
+        Ok(Err(error)) => {
+            error.print();
+            error.exit_code()
+        }
+        Err(_) => {
+            output::note("error: this is a mistake of the program; please report it\n");
+            error::INTERNAL
+        }
+    };
+    ExitCode::from(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

@@ -6,6 +6,7 @@
 //!
 //! * [`model`]: the periodic model (LTP) and the state-space model (LTI), both
 //!   with named channels.
+//! * [`linearize`]: the periodic model of a converged trim.
 //! * [`dense`]: checked dense linear algebra: eigenvalues, Lyapunov equations,
 //!   stable and unstable subspaces.
 //! * [`harmonic`]: the averaged model and the harmonic decomposition.
@@ -27,6 +28,7 @@ pub mod floquet;
 pub mod frequency;
 pub mod harmonic;
 pub mod io;
+pub mod linearize;
 pub mod model;
 pub mod modes;
 pub mod reduction;

@@ -1,5 +1,394 @@
 //! From a TOML problem file to checked data.
+//!
+//! [`load`] reads a file and everything it names; [`builtin`] is the CoAX 2D.
+//! All errors of a file come at once, as a [`Report`] that names file, line,
+//! column and key, and says what to write instead. What is merely odd is a
+//! warning of the [`Loaded`] problem.
+//!
+//! The format is described in one place, [`keys`]; reading, the reference
+//! page ([`page`]) and the JSON Schema ([`schema`]) follow it.
 
+mod build;
+pub mod c81;
+pub mod fuselage_table;
+pub mod keys;
 pub mod model;
+pub mod page;
+mod read;
+mod report;
+pub mod schema;
+mod source;
+mod tree;
 
 pub use model::*;
+pub use read::nearest_help;
+pub use report::{Diagnostic, Report, Severity};
+pub use source::{Place, Source, Sources};
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A problem, with all that is worth knowing about how it was read.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The checked problem.
+    pub problem: Problem,
+    /// What is odd about it.
+    pub warnings: Vec<Diagnostic>,
+    /// Every file that took part, with its text: the problem file first, then
+    /// its bases and tables. Their hash is the provenance of all results.
+    pub sources: Sources,
+}
+
+/// Names of the built-in problems, the default first.
+pub const BUILTIN: [&str; 3] = ["coax2d", "coax2d-appendix", "coax2d-physics"];
+
+/// Files that are built in.
+const EMBEDDED: [(&str, &str); 4] = [
+    ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
+    ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
+    ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
+    ("airfoils/naca23012.c81", include_str!("../../problems/airfoils/naca23012.c81")),
+];
+
+/// Reads a problem file, its bases and its tables.
+///
+/// # Errors
+/// Every error of the file and of those it names, at once.
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded, Report> {
+    let path = path.as_ref();
+    let loader = Loader::new(Library::Disk);
+    let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    match loader.library.read(path) {
+        Ok(text) => loader.run(&path.display().to_string(), text, directory, Some(path)),
+        Err(fault) => Err(Report::new(
+            vec![Diagnostic::whole_file(
+                &path.display().to_string(),
+                fault.message,
+                fault
+                    .help
+                    .unwrap_or("name a problem file, or start one with `coaxdesign new FILE`")
+                    .into(),
+            )],
+            fault.unreadable,
+        )),
+    }
+}
+
+/// Reads a problem from a text. `name` stands for the file in messages;
+/// paths in the text are relative to `base_directory`.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse_str(name: &str, text: &str, base_directory: &Path) -> Result<Loaded, Report> {
+    Loader::new(Library::Disk).run(name, text.into(), base_directory.into(), None)
+}
+
+/// The CoAX 2D, as the paper prints it.
+///
+/// # Errors
+/// None in practice: a test holds the built-in files to the checks.
+pub fn builtin() -> Result<Loaded, Report> {
+    builtin_named(BUILTIN[0])
+}
+
+/// A built-in problem by one of the names of [`BUILTIN`].
+///
+/// # Errors
+/// On another name, with the nearest one as help.
+pub fn builtin_named(name: &str) -> Result<Loaded, Report> {
+    let path = PathBuf::from(format!("{name}.toml"));
+    let loader = Loader::new(Library::Embedded);
+    match loader.library.read(&path) {
+        Ok(text) if BUILTIN.contains(&name) => {
+            loader.run(&path.display().to_string(), text, PathBuf::new(), Some(&path))
+        }
+        _ => Err(Report::new(
+            vec![Diagnostic::whole_file(
+                name,
+                "no built-in problem has this name".into(),
+                read::nearest_help(name, BUILTIN.into_iter(), "built-in problems"),
+            )],
+            false,
+        )),
+    }
+}
+
+/// Where files come from.
+#[derive(Debug, Clone, Copy)]
+enum Library {
+    Disk,
+    Embedded,
+}
+
+struct ReadFault {
+    message: String,
+    /// What to do, where that depends on the fault.
+    help: Option<&'static str>,
+    /// Whether the system could not read the file, rather than its content
+    /// being no text.
+    unreadable: bool,
+}
+
+impl Library {
+    fn read(self, path: &Path) -> Result<String, ReadFault> {
+        let fault = |message: &str, unreadable: bool| ReadFault {
+            message: message.into(),
+            help: (!unreadable).then_some("save it as UTF-8 text, as most editors do by default"),
+            unreadable,
+        };
+        match self {
+            Library::Embedded => EMBEDDED
+                .iter()
+                .find(|(name, _)| Path::new(name) == path)
+                .map(|(_, text)| (*text).to_string())
+                .ok_or_else(|| fault("there is no such file", true)),
+            Library::Disk => {
+                if path.is_dir() {
+                    return Err(fault("this is a directory, not a file", true));
+                }
+                let bytes = std::fs::read(path).map_err(|error| match error.kind() {
+                    std::io::ErrorKind::NotFound => fault("there is no such file", true),
+                    std::io::ErrorKind::PermissionDenied => {
+                        fault("there is no permission to read the file", true)
+                    }
+                    _ => fault(&format!("the file cannot be read: {error}"), true),
+                })?;
+                String::from_utf8(bytes).map_err(|error| {
+                    let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+                    let line = valid.iter().filter(|byte| **byte == b'\n').count() + 1;
+                    fault(&format!("the file is not UTF-8 text (line {line})"), false)
+                })
+            }
+        }
+    }
+
+    /// A path by which a file is known again.
+    fn identity(self, path: &Path) -> PathBuf {
+        match self {
+            Library::Disk => path.canonicalize().unwrap_or_else(|_| path.into()),
+            Library::Embedded => path.into(),
+        }
+    }
+}
+
+/// Deepest chain of `extends`.
+const DEEPEST_CHAIN: usize = 16;
+
+struct Loader {
+    library: Library,
+    sources: Sources,
+    /// Directory of each source.
+    directories: Vec<PathBuf>,
+    findings: Vec<Diagnostic>,
+    airfoils: HashMap<PathBuf, Option<Arc<AirfoilTable>>>,
+    fuselages: HashMap<PathBuf, Option<Arc<FuselageTable>>>,
+}
+
+impl Loader {
+    fn new(library: Library) -> Self {
+        Self {
+            library,
+            sources: Sources::default(),
+            directories: Vec::new(),
+            findings: Vec::new(),
+            airfoils: HashMap::new(),
+            fuselages: HashMap::new(),
+        }
+    }
+
+    fn add(&mut self, name: &str, text: String, directory: PathBuf) -> usize {
+        self.directories.push(directory);
+        self.sources.add(name, text)
+    }
+
+    fn run(
+        mut self,
+        name: &str,
+        text: String,
+        directory: PathBuf,
+        path: Option<&Path>,
+    ) -> Result<Loaded, Report> {
+        if text.trim().is_empty() {
+            let finding = Diagnostic::whole_file(
+                name,
+                "the file is empty".into(),
+                "start one with `coaxdesign new FILE`".into(),
+            );
+            return Err(Report::new(vec![finding], false));
+        }
+        let main = self.add(name, text, directory);
+        let mut chain: Vec<PathBuf> =
+            path.map(|path| self.library.identity(path)).into_iter().collect();
+        let entries = self.entries(main, &mut chain);
+        let broken: Vec<(String, usize)> =
+            self.findings.iter().map(|finding| (finding.file.clone(), finding.line)).collect();
+        let lenient = !broken.is_empty();
+        let mut findings = Vec::new();
+        let place = Place { source: main, span: 0..0 };
+        let root = read::Reader {
+            sources: &self.sources,
+            findings: &mut findings,
+            defaults: main,
+            lenient,
+        }
+        .table(&keys::ROOT, &entries, "", &place);
+        // What stands on a line that is no valid TOML has been read by guess.
+        findings.retain(|finding| !broken.contains(&(finding.file.clone(), finding.line)));
+        self.findings.append(&mut findings);
+        let problem = build::problem(&mut self, &root, lenient);
+        let failed = self.findings.iter().any(|finding| finding.severity == Severity::Error);
+        match problem {
+            Some(problem) if !failed => {
+                report::sort(&mut self.findings);
+                Ok(Loaded { problem, warnings: self.findings, sources: self.sources })
+            }
+            _ => Err(Report::new(self.findings, false)),
+        }
+    }
+
+    /// The entries of a file, laid over those of its base.
+    fn entries(&mut self, source: usize, chain: &mut Vec<PathBuf>) -> Vec<tree::Entry> {
+        let node = tree::parse(&self.sources, source, &mut self.findings);
+        let tree::Value::Table(mut entries) = node.value else {
+            return Vec::new();
+        };
+        let Some(index) = entries.iter().position(|entry| entry.name == "extends") else {
+            return entries;
+        };
+        let tree::Value::Text(base) = &entries[index].node.value else {
+            // The wrong type is reported with the other keys.
+            return entries;
+        };
+        let path = self.directories[source].join(base);
+        let place = entries[index].node.place.clone();
+        entries.remove(index);
+        let identity = self.library.identity(&path);
+        let fault = if chain.contains(&identity) {
+            Some("the file extends itself, directly or through its bases".to_string())
+        } else if chain.len() >= DEEPEST_CHAIN {
+            Some(format!("more than {DEEPEST_CHAIN} files extend one another"))
+        } else {
+            None
+        };
+        let help = || {
+            "name another problem file, relative to this one, such as extends = \"coax2d.toml\""
+                .to_string()
+        };
+        if let Some(message) = fault {
+            self.fault(&place, "extends", message, help());
+            return entries;
+        }
+        let text = match self.library.read(&path) {
+            Ok(text) => text,
+            Err(fault) => {
+                self.fault(
+                    &place,
+                    "extends",
+                    format!("{}: {}", path.display(), fault.message),
+                    fault.help.map_or_else(help, String::from),
+                );
+                return entries;
+            }
+        };
+        chain.push(identity);
+        let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let source = self.add(&path.display().to_string(), text, directory);
+        let mut merged = self.entries(source, chain);
+        tree::merge(&mut merged, entries, Some(keys::Level::Keys(&keys::ROOT)));
+        merged
+    }
+
+    fn fault(&mut self, place: &Place, key: &str, message: String, help: String) {
+        self.findings.push(Diagnostic::at(
+            Severity::Error,
+            &self.sources,
+            place,
+            key,
+            message,
+            help,
+        ));
+    }
+
+    /// Reads and parses a table file named at `place`, once.
+    fn table_file<T>(
+        &mut self,
+        path: &Path,
+        place: &Place,
+        key: &str,
+        what: &str,
+        parse: fn(&str) -> Result<T, c81::TableError>,
+    ) -> Option<Arc<T>> {
+        let text = match self.library.read(path) {
+            Ok(text) => text,
+            Err(fault) => {
+                self.fault(
+                    place,
+                    key,
+                    format!("{}: {}", path.display(), fault.message),
+                    fault.help.map_or_else(
+                        || {
+                            format!(
+                                "name {what}, relative to the file that names it, such as \
+                                 table = \"airfoils/naca23012.c81\""
+                            )
+                        },
+                        String::from,
+                    ),
+                );
+                return None;
+            }
+        };
+        let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let source = self.add(&path.display().to_string(), text, directory);
+        match parse(&self.sources.files()[source].text) {
+            Ok(table) => Some(Arc::new(table)),
+            Err(error) => {
+                let at = self.sources.line(source, error.line);
+                let (line, _) = self.sources.line_and_column(place);
+                let by = format!("{}:{line}", self.sources.files()[place.source].name);
+                self.fault(
+                    &at,
+                    key,
+                    error.message,
+                    format!("{} (the file is named at {by})", error.help),
+                );
+                None
+            }
+        }
+    }
+}
+
+impl build::Host for Loader {
+    fn finding(
+        &mut self,
+        severity: Severity,
+        place: &Place,
+        key: &str,
+        message: String,
+        help: String,
+    ) {
+        self.findings.push(Diagnostic::at(severity, &self.sources, place, key, message, help));
+    }
+
+    fn airfoil(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<AirfoilTable>> {
+        let path = self.directories[place.source].join(path);
+        if let Some(known) = self.airfoils.get(&path) {
+            return known.clone();
+        }
+        let table = self.table_file(&path, place, key, "a C81 table", c81::parse);
+        self.airfoils.insert(path, table.clone());
+        table
+    }
+
+    fn fuselage(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<FuselageTable>> {
+        let path = self.directories[place.source].join(path);
+        if let Some(known) = self.fuselages.get(&path) {
+            return known.clone();
+        }
+        let table = self.table_file(&path, place, key, "a table of loads", fuselage_table::parse);
+        self.fuselages.insert(path, table.clone());
+        table
+    }
+}

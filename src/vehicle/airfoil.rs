@@ -1,1 +1,440 @@
 //! Section aerodynamics from tables or analytic pairs.
+//!
+//! A [`Section`] gives lift and drag coefficients and their partial
+//! derivatives at an angle of attack and a Mach number. It is continuous with
+//! its first derivatives everywhere, the seam at ±180° included, so that the
+//! Jacobians of trim have no kinks, and between table nodes it never leaves
+//! the range of the four nodes around it.
+//!
+//! Tables are bicubic ([`crate::numerics::interpolation::Bicubic`]). Beyond
+//! the Mach numbers of a table its coefficients stay constant; the surface
+//! meets the first and the last Mach number with zero slope so that this
+//! leaves no kink. At Mach 0 that is also right: compressibility enters with
+//! the square of the Mach number.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::numerics::interpolation::{Bicubic, Ends, GridError};
+use crate::problem::{Airfoil, CoefficientGrid};
+
+/// Coefficients of a section and their partial derivatives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coefficients {
+    /// Lift coefficient c_l.
+    pub lift: f64,
+    /// ∂c_l/∂α, 1/rad.
+    pub lift_alpha: f64,
+    /// ∂c_l/∂M.
+    pub lift_mach: f64,
+    /// Drag coefficient c_d.
+    pub drag: f64,
+    /// ∂c_d/∂α, 1/rad.
+    pub drag_alpha: f64,
+    /// ∂c_d/∂M.
+    pub drag_mach: f64,
+}
+
+/// An airfoil section, ready for evaluation.
+#[derive(Debug, Clone)]
+pub struct Section(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    /// Lift and drag side by side on one grid.
+    Table(Bicubic<2>),
+    /// Linear lift, constant drag.
+    Analytic { lift_slope: f64, zero_lift_angle: f64, drag: f64 },
+}
+
+/// How far the ends of a table may lie from ±180°, rad: decimal degrees
+/// turned to radians, no more.
+const SEAM_TOLERANCE: f64 = 1e-6;
+
+/// End rules in angle of attack and in Mach number.
+const ENDS: [Ends; 2] = [Ends::Periodic, Ends::Flat];
+
+impl Section {
+    /// Prepares a section.
+    ///
+    /// A table must run from −180° to 180°. Its two ends are one angle; where
+    /// their values differ, their mean is used. Lift and drag may have
+    /// different grids: both surfaces are then divided at the breakpoints of
+    /// either, which leaves them as they are.
+    ///
+    /// # Errors
+    /// When a grid is not one: see [`GridError`].
+    pub fn new(airfoil: &Airfoil) -> Result<Self, GridError> {
+        match airfoil {
+            Airfoil::Table(table) => {
+                let [lift, drag] = [periodic(&table.lift)?, periodic(&table.drag)?];
+                let surfaces =
+                    if lift.angle_of_attack == drag.angle_of_attack && lift.mach == drag.mach {
+                        Bicubic::new(
+                            &lift.angle_of_attack,
+                            &lift.mach,
+                            [&lift.value, &drag.value],
+                            ENDS,
+                        )?
+                    } else {
+                        Bicubic::join([&surface(&lift)?, &surface(&drag)?])
+                    };
+                Ok(Self(Kind::Table(surfaces)))
+            }
+            &Airfoil::Analytic { lift_slope, zero_lift_angle, drag } => {
+                Ok(Self(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
+            }
+        }
+    }
+
+    /// Coefficients and partial derivatives at an angle of attack (rad, any
+    /// turn) and a Mach number. NaN comes back as NaN.
+    #[inline]
+    pub fn coefficients(&self, angle_of_attack: f64, mach: f64) -> Coefficients {
+        let alpha = wrap(angle_of_attack);
+        match &self.0 {
+            Kind::Table(table) => {
+                let v = table.evaluate(alpha, mach);
+                Coefficients {
+                    lift: v.value[0],
+                    lift_alpha: v.x[0],
+                    lift_mach: v.y[0],
+                    drag: v.value[1],
+                    drag_alpha: v.x[1],
+                    drag_mach: v.y[1],
+                }
+            }
+            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => Coefficients {
+                lift: lift_slope * (alpha - zero_lift_angle),
+                lift_alpha: lift_slope,
+                lift_mach: 0.0,
+                drag,
+                drag_alpha: 0.0,
+                drag_mach: 0.0,
+            },
+        }
+    }
+
+    /// Lift and drag coefficients alone: the bits of
+    /// [`Section::coefficients`] at less cost.
+    #[inline]
+    pub fn lift_drag(&self, angle_of_attack: f64, mach: f64) -> (f64, f64) {
+        let alpha = wrap(angle_of_attack);
+        match &self.0 {
+            Kind::Table(table) => {
+                let [lift, drag] = table.value(alpha, mach);
+                (lift, drag)
+            }
+            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => {
+                (lift_slope * (alpha - zero_lift_angle), drag)
+            }
+        }
+    }
+}
+
+/// An angle brought to [−π, π) by whole turns.
+#[inline]
+fn wrap(angle: f64) -> f64 {
+    // Blade and surface angles lie within two turns; the compiler's general
+    // remainder costs more than the table lookup.
+    if (-PI..PI).contains(&angle) {
+        angle
+    } else if angle.abs() <= TAU + PI {
+        angle - TAU.copysign(angle)
+    } else {
+        wrap_far(angle)
+    }
+}
+
+#[cold]
+fn wrap_far(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// A grid made ready for a periodic surface: ends at ±π with one value, and
+/// at least two Mach numbers.
+fn periodic(grid: &CoefficientGrid) -> Result<CoefficientGrid, GridError> {
+    let mut grid = grid.clone();
+    let (rows, columns) = (grid.angle_of_attack.len(), grid.mach.len());
+    if grid.value.len() != rows * columns {
+        return Err(GridError::WrongSize { found: grid.value.len(), needed: rows * columns });
+    }
+    if let (Some(&first), Some(&last)) = (grid.angle_of_attack.first(), grid.angle_of_attack.last())
+    {
+        // Negated, so that NaN is refused too.
+        if !((first + PI).abs() <= SEAM_TOLERANCE && (last - PI).abs() <= SEAM_TOLERANCE) {
+            return Err(GridError::NotOnePeriod {
+                axis: "angle of attack",
+                first,
+                last,
+                period: TAU,
+            });
+        }
+        grid.angle_of_attack[0] = -PI;
+        grid.angle_of_attack[rows - 1] = PI;
+        for column in 0..columns {
+            let last = (rows - 1) * columns + column;
+            let seam = 0.5 * (grid.value[column] + grid.value[last]);
+            grid.value[column] = seam;
+            grid.value[last] = seam;
+        }
+    }
+    if let &[only] = &grid.mach[..] {
+        // One Mach number serves all: a second column with the same values.
+        grid.mach.push(only + 1.0);
+        grid.value = grid.value.iter().flat_map(|&v| [v, v]).collect();
+    }
+    Ok(grid)
+}
+
+/// The surface of one coefficient of a [`periodic`] grid.
+fn surface(grid: &CoefficientGrid) -> Result<Bicubic<1>, GridError> {
+    Bicubic::new(&grid.angle_of_attack, &grid.mach, [&grid.value], ENDS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::AirfoilTable;
+    use proptest::prelude::*;
+    use std::sync::{Arc, LazyLock};
+
+    /// Reads one coefficient block of a C81 file, just enough for tests.
+    fn block<'a>(
+        lines: &mut impl Iterator<Item = &'a str>,
+        machs: usize,
+        alphas: usize,
+    ) -> CoefficientGrid {
+        let fields = |line: &str| -> Vec<f64> {
+            line.as_bytes()
+                .chunks(7)
+                .filter_map(|f| std::str::from_utf8(f).unwrap().trim().parse().ok())
+                .collect()
+        };
+        let mach = fields(lines.next().unwrap());
+        assert_eq!(mach.len(), machs);
+        let (mut angle_of_attack, mut value) = (Vec::new(), Vec::new());
+        for _ in 0..alphas {
+            let row = fields(lines.next().unwrap());
+            assert_eq!(row.len(), machs + 1);
+            angle_of_attack.push(row[0].to_radians());
+            value.extend(&row[1..]);
+        }
+        CoefficientGrid { angle_of_attack, mach, value }
+    }
+
+    static NACA: LazyLock<AirfoilTable> = LazyLock::new(|| {
+        let text = include_str!("../../problems/airfoils/naca23012.c81");
+        let mut lines = text.lines();
+        let title = lines.next().unwrap();
+        let counts: Vec<usize> = title.as_bytes()[30..42]
+            .chunks(2)
+            .map(|c| std::str::from_utf8(c).unwrap().trim().parse().unwrap())
+            .collect();
+        AirfoilTable {
+            name: title[..30].trim().to_string(),
+            lift: block(&mut lines, counts[0], counts[1]),
+            drag: block(&mut lines, counts[2], counts[3]),
+            moment: block(&mut lines, counts[4], counts[5]),
+        }
+    });
+
+    static SECTION: LazyLock<Section> =
+        LazyLock::new(|| Section::new(&Airfoil::Table(Arc::new(NACA.clone()))).unwrap());
+
+    #[test]
+    fn table_nodes_are_reproduced() {
+        let last = NACA.lift.mach.len() - 1;
+        for (i, &alpha) in NACA.lift.angle_of_attack.iter().enumerate() {
+            for (j, &mach) in NACA.lift.mach.iter().enumerate() {
+                let k = i * NACA.lift.mach.len() + j;
+                let c = SECTION.coefficients(alpha, mach);
+                // The last column is reached from the left of its cell.
+                let tolerance = if j == last { 1e-14 } else { 0.0 };
+                assert!((c.lift - NACA.lift.value[k]).abs() <= tolerance);
+                assert!((c.drag - NACA.drag.value[k]).abs() <= tolerance);
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_do_not_jump_at_cell_edges() {
+        let next = |v: f64| (v + 1e-15).max(v.next_up());
+        let mut machs: Vec<f64> = NACA.lift.mach.clone();
+        machs.extend([0.17, 0.55, 0.83]);
+        for &alpha in &NACA.lift.angle_of_attack {
+            for &mach in &machs {
+                let (left, right) = (alpha - 1e-15, next(alpha));
+                let (a, b) = (SECTION.coefficients(left, mach), SECTION.coefficients(right, mach));
+                // Second derivatives are below 2000, so 2e-15 of travel
+                // explains 4e-12; the rest is rounding of the cubics.
+                assert!((a.lift_alpha - b.lift_alpha).abs() < 1e-11);
+                assert!((a.drag_alpha - b.drag_alpha).abs() < 1e-11);
+                assert!((a.lift_mach - b.lift_mach).abs() < 1e-11);
+                assert!((a.drag_mach - b.drag_mach).abs() < 1e-11);
+            }
+        }
+        for &mach in &NACA.lift.mach {
+            for k in -170..170 {
+                let alpha = f64::from(k) * 0.018;
+                let (a, b) = (
+                    SECTION.coefficients(alpha, mach - 1e-15),
+                    SECTION.coefficients(alpha, mach + 1e-15),
+                );
+                assert!((a.lift_alpha - b.lift_alpha).abs() < 1e-11);
+                assert!((a.drag_alpha - b.drag_alpha).abs() < 1e-11);
+                assert!((a.lift_mach - b.lift_mach).abs() < 1e-11);
+                assert!((a.drag_mach - b.drag_mach).abs() < 1e-11);
+            }
+        }
+    }
+
+    #[test]
+    fn the_seam_at_180_degrees_is_smooth() {
+        for mach in [0.0, 0.35, 0.72] {
+            let (a, b) = (SECTION.coefficients(PI, mach), SECTION.coefficients(-PI, mach));
+            assert!((a.lift - b.lift).abs() < 1e-13);
+            assert!((a.drag - b.drag).abs() < 1e-13);
+            assert!((a.lift_alpha - b.lift_alpha).abs() < 1e-12);
+            assert!((a.drag_alpha - b.drag_alpha).abs() < 1e-12);
+            assert!((a.lift_mach - b.lift_mach).abs() < 1e-12);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn whole_turns_change_nothing(alpha in -3.1f64..3.1, mach in 0.0f64..1.0, turns in -5i32..=5) {
+            let a = SECTION.coefficients(alpha, mach);
+            let b = SECTION.coefficients(alpha + TAU * f64::from(turns), mach);
+            prop_assert!((a.lift - b.lift).abs() < 1e-12);
+            prop_assert!((a.drag_alpha - b.drag_alpha).abs() < 1e-11);
+        }
+
+        #[test]
+        fn the_value_twin_has_the_same_bits(alpha in -7.0f64..7.0, mach in -0.1f64..1.1) {
+            let c = SECTION.coefficients(alpha, mach);
+            let (lift, drag) = SECTION.lift_drag(alpha, mach);
+            prop_assert_eq!(c.lift.to_bits(), lift.to_bits());
+            prop_assert_eq!(c.drag.to_bits(), drag.to_bits());
+        }
+
+        #[test]
+        fn partials_agree_with_differences(alpha in -3.2f64..3.2, mach in 0.0f64..0.95) {
+            let h = 1e-5;
+            let c = SECTION.coefficients(alpha, mach);
+            let by_alpha = [SECTION.lift_drag(alpha + h, mach), SECTION.lift_drag(alpha - h, mach)];
+            let by_mach = [SECTION.lift_drag(alpha, mach + h), SECTION.lift_drag(alpha, mach - h)];
+            // A node between the two points leaves h times the jump of the
+            // second derivative, below 2000.
+            prop_assert!((c.lift_alpha - (by_alpha[0].0 - by_alpha[1].0) / (2.0 * h)).abs() < 1e-2);
+            prop_assert!((c.drag_alpha - (by_alpha[0].1 - by_alpha[1].1) / (2.0 * h)).abs() < 1e-2);
+            prop_assert!((c.lift_mach - (by_mach[0].0 - by_mach[1].0) / (2.0 * h)).abs() < 1e-2);
+            prop_assert!((c.drag_mach - (by_mach[0].1 - by_mach[1].1) / (2.0 * h)).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn partials_agree_tightly_inside_cells() {
+        let h = 1e-6;
+        for window in NACA.lift.angle_of_attack.windows(2) {
+            for pair in NACA.lift.mach.windows(2) {
+                let alpha = 0.6 * window[0] + 0.4 * window[1];
+                let mach = 0.3 * pair[0] + 0.7 * pair[1];
+                let c = SECTION.coefficients(alpha, mach);
+                let slope = |a: (f64, f64), b: (f64, f64)| {
+                    ((a.0 - b.0) / (2.0 * h), (a.1 - b.1) / (2.0 * h))
+                };
+                let by_alpha =
+                    slope(SECTION.lift_drag(alpha + h, mach), SECTION.lift_drag(alpha - h, mach));
+                let by_mach =
+                    slope(SECTION.lift_drag(alpha, mach + h), SECTION.lift_drag(alpha, mach - h));
+                assert!((c.lift_alpha - by_alpha.0).abs() < 2e-7);
+                assert!((c.drag_alpha - by_alpha.1).abs() < 2e-7);
+                assert!((c.lift_mach - by_mach.0).abs() < 2e-7);
+                assert!((c.drag_mach - by_mach.1).abs() < 2e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_table_coefficients_stay_constant_and_flat() {
+        for alpha in [-2.0, -0.1, 0.05, 0.3] {
+            for (beyond, end) in [(-0.5, 0.0), (1.4, 0.9)] {
+                let (out, edge) =
+                    (SECTION.coefficients(alpha, beyond), SECTION.coefficients(alpha, end));
+                assert_eq!(out.lift, edge.lift);
+                assert_eq!(out.drag, edge.drag);
+                assert!(out.lift_mach.abs() < 1e-12 && out.drag_mach.abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn different_grids_for_lift_and_drag_serve_as_they_are() {
+        let mut thinned = NACA.clone();
+        let machs = thinned.drag.mach.len();
+        let keep: Vec<usize> = (0..thinned.drag.angle_of_attack.len()).step_by(2).collect();
+        thinned.drag.value = keep
+            .iter()
+            .flat_map(|&i| NACA.drag.value[i * machs + 2..(i + 1) * machs].to_vec())
+            .collect();
+        thinned.drag.angle_of_attack = keep.iter().map(|&i| NACA.drag.angle_of_attack[i]).collect();
+        *thinned.drag.angle_of_attack.last_mut().unwrap() = PI;
+        thinned.drag.mach = NACA.drag.mach[2..].to_vec();
+        let mixed = Section::new(&Airfoil::Table(Arc::new(thinned.clone()))).unwrap();
+        let alone = surface(&periodic(&thinned.drag).unwrap()).unwrap();
+        for k in -31..=31 {
+            let alpha = 0.1 * f64::from(k) + 0.003;
+            for mach in [0.0, 0.25, 0.3, 0.61, 0.9, 1.0] {
+                let c = mixed.coefficients(alpha, mach);
+                assert!((c.lift - SECTION.lift_drag(alpha, mach).0).abs() < 1e-12);
+                assert!((c.drag - alone.value(alpha, mach)[0]).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn one_mach_number_serves_all() {
+        let columns = NACA.lift.mach.len();
+        let one = |grid: &CoefficientGrid| CoefficientGrid {
+            angle_of_attack: grid.angle_of_attack.clone(),
+            mach: vec![grid.mach[2]],
+            value: grid.value.iter().skip(2).step_by(columns).copied().collect(),
+        };
+        let table = AirfoilTable { lift: one(&NACA.lift), drag: one(&NACA.drag), ..NACA.clone() };
+        let section = Section::new(&Airfoil::Table(Arc::new(table))).unwrap();
+        for mach in [0.0, 0.3, 0.8] {
+            let c = section.coefficients(NACA.lift.angle_of_attack[40], mach);
+            assert!((c.lift - NACA.lift.value[40 * columns + 2]).abs() < 1e-15);
+            assert!(c.lift_mach == 0.0 && c.drag_mach == 0.0);
+        }
+    }
+
+    #[test]
+    fn the_analytic_pair_is_linear_lift_and_constant_drag() {
+        let section = Section::new(&Airfoil::Analytic {
+            lift_slope: 5.73,
+            zero_lift_angle: -0.02,
+            drag: 0.01,
+        })
+        .unwrap();
+        let c = section.coefficients(0.1, 0.4);
+        assert!((c.lift - 5.73 * 0.12).abs() < 1e-15);
+        assert_eq!((c.lift_alpha, c.drag, c.drag_alpha), (5.73, 0.01, 0.0));
+        assert_eq!(section.lift_drag(0.1, 0.4), (c.lift, c.drag));
+    }
+
+    #[test]
+    fn a_table_short_of_a_full_turn_is_refused() {
+        let mut table = NACA.clone();
+        table.drag.angle_of_attack[0] = -3.0;
+        let error = Section::new(&Airfoil::Table(Arc::new(table))).unwrap_err();
+        assert!(matches!(error, GridError::NotOnePeriod { axis: "angle of attack", .. }));
+    }
+
+    #[test]
+    fn nan_comes_back_as_nan() {
+        assert!(SECTION.coefficients(f64::NAN, 0.3).lift.is_nan());
+        assert!(SECTION.coefficients(0.1, f64::NAN).drag.is_nan());
+        assert!(SECTION.lift_drag(f64::INFINITY, 0.3).0.is_nan());
+    }
+}

@@ -86,7 +86,8 @@ mod tests {
     /// A hot day is thinner by the ratio of temperatures.
     #[test]
     fn hot_day_thins_the_air() {
-        let standard = Air::at(&AtmosphereConditions { altitude: 1_000.0, temperature_offset: 0.0 });
+        let standard =
+            Air::at(&AtmosphereConditions { altitude: 1_000.0, temperature_offset: 0.0 });
         let hot = Air::at(&AtmosphereConditions { altitude: 1_000.0, temperature_offset: 20.0 });
         assert_relative_eq!(
             hot.density / standard.density,

@@ -40,9 +40,7 @@ impl Fuselage {
             FuselageAerodynamics::FlatPlate { area, drag_coefficient } => Drag::Plates(
                 [0, 1, 2].map(|axis| 0.5 * air.density * area[axis] * drag_coefficient[axis]),
             ),
-            FuselageAerodynamics::Table(table) => {
-                Drag::Table(Arc::clone(table), 0.5 * air.density)
-            }
+            FuselageAerodynamics::Table(table) => Drag::Table(Arc::clone(table), 0.5 * air.density),
         };
         Self {
             name: fuselage.name.clone(),
@@ -92,13 +90,8 @@ fn tabulated<S: Scalar>(
     let pressure = speed2 * half_density;
     let mut load = [S::default(); 6];
     for (index, grid) in table.loads.iter().enumerate() {
-        let (value, by_alpha, by_sideslip) = bicubic(
-            &table.angle_of_attack,
-            &table.sideslip,
-            grid,
-            alpha.value(),
-            sideslip.value(),
-        );
+        let (value, by_alpha, by_sideslip) =
+            bicubic(&table.angle_of_attack, &table.sideslip, grid, alpha.value(), sideslip.value());
         load[index] = S::chain(value, &[by_alpha, by_sideslip], &[alpha, sideslip]) * pressure;
     }
     let [fx, fy, fz, mx, my, mz] = load;

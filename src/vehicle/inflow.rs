@@ -84,8 +84,8 @@ impl Local<7, 8> for WakeOf {
         // The advancing side lies a quarter turn on from downstream.
         let (pc, ps) = (-ms, mc);
         let inverse = one / v_t;
-        let gamma_0 = (balance[0] - (pc * balance[1] + ps * balance[2]) * 3.0) * inverse
-            / (one - mu2 * 1.5);
+        let gamma_0 =
+            (balance[0] - (pc * balance[1] + ps * balance[2]) * 3.0) * inverse / (one - mu2 * 1.5);
         let gamma_c = balance[1] * inverse * 3.0 - pc * gamma_0 * 1.5;
         let gamma_s = balance[2] * inverse * 3.0 - ps * gamma_0 * 1.5;
         [balance[0], balance[1], balance[2], gamma_0, gamma_c, gamma_s, xc, xs]

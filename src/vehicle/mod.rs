@@ -20,6 +20,7 @@ pub mod interference;
 pub mod layout;
 pub mod output;
 pub mod rotor;
+pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Scalar, Vec3};
@@ -28,8 +29,9 @@ use atmosphere::{Air, STANDARD_GRAVITY};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
-use interference::{DiskGeometry, Interference, PointGeometry, PointWash};
+use interference::{DiskGeometry, Interference, PointWash};
 pub use layout::{Layout, RotorStates};
+use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
 use wing::{UnwashedLoads, Wing};
 
@@ -54,6 +56,14 @@ pub enum VehicleError {
     NoCommonPeriod {
         /// Longest period tried, in passages of the slowest rotor.
         passages: usize,
+    },
+    /// An airfoil table cannot be interpolated.
+    #[error("airfoil of `{of}`: {source}")]
+    Airfoil {
+        /// Rotor or wing.
+        of: String,
+        /// What is wrong with the table.
+        source: crate::numerics::interpolation::GridError,
     },
     /// Two rotors lie so that their interference cannot be computed.
     #[error("interference of rotor `{source_rotor}` on `{receiver}`: {message}")]
@@ -123,6 +133,15 @@ pub struct Workspace<S> {
     pub(crate) acceleration: [Vec3<S>; 2],
 }
 
+impl<S: Scalar> Workspace<S> {
+    /// Specific force at the centre of gravity, body frame, m/s², of the last
+    /// evaluation.
+    #[must_use]
+    pub fn specific_force(&self) -> Vec3<S> {
+        self.acceleration[0]
+    }
+}
+
 impl Vehicle {
     /// Builds the vehicle of a problem, interference tables included.
     ///
@@ -132,17 +151,18 @@ impl Vehicle {
     pub fn new(problem: &Problem) -> Result<Self, VehicleError> {
         let air = Air::at(&problem.atmosphere);
         let cg = &problem.mass.center_of_gravity;
-        let rotors: Vec<Rotor> =
-            problem.rotors.iter().map(|rotor| Rotor::new(rotor, cg, &air)).collect();
-        let wings: Vec<Wing> = problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect();
+        let rotors: Vec<Rotor> = problem
+            .rotors
+            .iter()
+            .map(|rotor| Rotor::new(rotor, cg, &air))
+            .collect::<Result<_, _>>()?;
+        let wings: Vec<Wing> =
+            problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
         let fuselages: Vec<Fuselage> =
             problem.fuselages.iter().map(|body| Fuselage::new(body, cg, &air)).collect();
         let m = &problem.mass;
-        let inertia = [
-            [m.i_xx, -m.i_xy, -m.i_xz],
-            [-m.i_xy, m.i_yy, -m.i_yz],
-            [-m.i_xz, -m.i_yz, m.i_zz],
-        ];
+        let inertia =
+            [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
         let (reference_speed, period) = common_period(&rotors)?;
         let layout = Layout::new(&rotors, &problem.inflow);
         let mut vehicle = Self {
@@ -201,12 +221,11 @@ impl Vehicle {
                 let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
                 let geometry = DiskGeometry {
                     source_radius: source.radius,
-                    offset: unmirrored(source, &receiver.position_body),
                     receiver_radius: receiver.radius,
-                    receiver_axis: axis_in(source, receiver),
+                    offset: unmirrored(source, &receiver.position_body).into(),
+                    receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
                     receiver_mirrored: receiver.frame.handedness < 0.0,
-                    receiver_forward: forward_in(source, receiver),
                 };
                 Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {
@@ -231,17 +250,16 @@ impl Vehicle {
             self.rotors
                 .par_iter()
                 .map(|source| {
-                    let geometry = PointGeometry {
-                        source_radius: source.radius,
-                        point: unmirrored(source, point),
-                        source_mirrored: source.frame.handedness < 0.0,
-                    };
-                    PointWash::new(&geometry, self.inflow.wash_core).map_err(|error| {
-                        VehicleError::Interference {
-                            source_rotor: source.name.clone(),
-                            receiver: receiver.to_owned(),
-                            message: error.to_string(),
-                        }
+                    PointWash::new(
+                        source.radius,
+                        &unmirrored(source, point).into(),
+                        self.inflow.wash_core,
+                        source.frame.handedness < 0.0,
+                    )
+                    .map_err(|error| VehicleError::Interference {
+                        source_rotor: source.name.clone(),
+                        receiver: receiver.to_owned(),
+                        message: error.to_string(),
                     })
                 })
                 .collect()
@@ -379,8 +397,24 @@ impl Vehicle {
                 S::compose(
                     &LoadsGoverned { rotor },
                     &[
-                        vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s, speed,
-                        acceleration, sine, cosine,
+                        vx,
+                        vy,
+                        vz,
+                        p,
+                        q,
+                        r,
+                        b1c,
+                        b1s,
+                        l0,
+                        l1c,
+                        l1s,
+                        t0,
+                        t1c,
+                        t1s,
+                        speed,
+                        acceleration,
+                        sine,
+                        cosine,
                     ],
                 )
             };
@@ -398,8 +432,7 @@ impl Vehicle {
 
             let drive = [c_t, -c_m, -c_l];
             for (k, &load) in drive.iter().enumerate() {
-                let mass =
-                    if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
+                let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
                 rates[places.self_inflow + k] =
                     (load - work.wake[index].balance[k]) * (rotor.speed / mass);
             }
@@ -527,11 +560,8 @@ impl Vehicle {
                         work.inflow[index][0],
                     ],
                 );
-                work.wake[index] = Wake {
-                    balance: [b0, b1c, b1s],
-                    circulation: [g0, g1c, g1s],
-                    skew: [xc, xs],
-                };
+                work.wake[index] =
+                    Wake { balance: [b0, b1c, b1s], circulation: [g0, g1c, g1s], skew: [xc, xs] };
             }
             let mut change = 0.0_f64;
             for (index, places) in self.layout.rotors.iter().enumerate() {
@@ -569,21 +599,13 @@ impl Vehicle {
             let rotor = &self.rotors[source];
             let wake = &work.wake[source];
             let [xc, xs] = wake.skew;
-            let (value, by_x, by_y) = table.evaluate_with_partials([-xc.value(), xs.value()]);
+            let [value, by_x, by_y] = table.evaluate_with_partials([-xc.value(), xs.value()]);
             let strength = wake.circulation.map(S::value);
-            let dot = |w: &[f64; 3]| {
-                w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2]
-            };
+            let dot = |w: &[f64; 3]| w[0] * strength[0] + w[1] * strength[1] + w[2] * strength[2];
             let down = S::chain(
                 dot(&value),
                 &[-dot(&by_x), dot(&by_y), value[0], value[1], value[2]],
-                &[
-                    xc,
-                    xs,
-                    wake.circulation[0],
-                    wake.circulation[1],
-                    wake.circulation[2],
-                ],
+                &[xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]],
             ) * rotor.tip_speed();
             let axis = rotor.frame.polar[2];
             velocity += Vec3([down * axis[0], down * axis[1], down * axis[2]]);
@@ -648,9 +670,8 @@ impl Vehicle {
     ) -> (Vec3<S>, Vec3<S>) {
         let rotor = &self.rotors[index];
         let place = rotor.position_body;
-        let hub = specific_force
-            + angular.cross_constant(place)
-            + rate.cross(rate.cross_constant(place));
+        let hub =
+            specific_force + angular.cross_constant(place) + rate.cross(rate.cross_constant(place));
         let turn = rotor.frame.handedness;
         (
             hub.rotated(&rotor.frame.polar),
@@ -746,8 +767,7 @@ impl Vehicle {
             let mut residual = right;
             let still_rate = zero;
             for (index, _) in self.rotors.iter().enumerate() {
-                let (hub, angular) =
-                    self.hub_acceleration(index, still_rate, still[0], still[1]);
+                let (hub, angular) = self.hub_acceleration(index, still_rate, still[0], still[1]);
                 let (f, m) = self.returned(index, &work.blades[index], hub, angular);
                 for k in 0..3 {
                     residual[k] += f.0[k];
@@ -758,10 +778,8 @@ impl Vehicle {
                 answer[k] = S::chain(solution[k], &inverse[k], &residual);
             }
         }
-        work.acceleration = [
-            Vec3([answer[0], answer[1], answer[2]]),
-            Vec3([answer[3], answer[4], answer[5]]),
-        ];
+        work.acceleration =
+            [Vec3([answer[0], answer[1], answer[2]]), Vec3([answer[3], answer[4], answer[5]])];
     }
 }
 
@@ -771,22 +789,25 @@ fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3
     let [xc, xs] = wake.skew;
     let strength = wake.circulation.map(S::value);
     let place = [-xc.value(), xs.value()];
-    let inputs =
-        [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
-    let dot = |row: &[f64; 3]| {
-        ratio * (row[0] * strength[0] + row[1] * strength[1] + row[2] * strength[2])
+    let inputs = [xc, xs, wake.circulation[0], wake.circulation[1], wake.circulation[2]];
+    let dot = |gain: &HubAxes<f64>, k: usize| {
+        ratio
+            * (gain[(k, 0)] * strength[0] + gain[(k, 1)] * strength[1] + gain[(k, 2)] * strength[2])
     };
     if S::TANGENTS == 0 {
-        return table.evaluate(place).map(|row| S::constant(dot(&row)));
+        let gain = table.evaluate(place);
+        return [0, 1, 2].map(|k| S::constant(dot(&gain, k)));
     }
     let (gain, by_x, by_y) = table.evaluate_with_partials(place);
     [0, 1, 2].map(|k| {
-        let row = gain[k];
-        S::chain(
-            dot(&row),
-            &[-dot(&by_x[k]), dot(&by_y[k]), ratio * row[0], ratio * row[1], ratio * row[2]],
-            &inputs,
-        )
+        let partials = [
+            -dot(&by_x, k),
+            dot(&by_y, k),
+            ratio * gain[(k, 0)],
+            ratio * gain[(k, 1)],
+            ratio * gain[(k, 2)],
+        ];
+        S::chain(dot(&gain, k), &partials, &inputs)
     })
 }
 
@@ -799,18 +820,18 @@ fn unmirrored(rotor: &Rotor, point_body: &[f64; 3]) -> [f64; 3] {
     seen
 }
 
-/// Shaft axis (down) of a receiver in the source's unmirrored hub frame.
-fn axis_in(source: &Rotor, receiver: &Rotor) -> [f64; 3] {
-    let mut axis = Vec3(receiver.frame.polar[2]).rotated(&source.frame.polar).0;
-    axis[1] *= source.frame.handedness;
-    axis
-}
-
-/// Forward axis of a receiver's hub in the source's unmirrored hub frame.
-fn forward_in(source: &Rotor, receiver: &Rotor) -> [f64; 3] {
-    let mut axis = Vec3(receiver.frame.polar[0]).rotated(&source.frame.polar).0;
-    axis[1] *= source.frame.handedness;
-    axis
+/// Hub axes of a receiver in the source's unmirrored hub frame, as columns.
+fn axes_in(source: &Rotor, receiver: &Rotor) -> HubAxes<f64> {
+    let mut axes = HubAxes::zeros();
+    for (column, axis) in receiver.frame.polar.iter().enumerate() {
+        let mut seen = Vec3(*axis).rotated(&source.frame.polar).0;
+        seen[1] *= source.frame.handedness;
+        let sign = if column == 1 { receiver.frame.handedness } else { 1.0 };
+        for (row, value) in seen.iter().enumerate() {
+            axes[(row, column)] = sign * value;
+        }
+    }
+    axes
 }
 
 /// Slowest rotor speed (rad/s) and the shortest time (s) in which every rotor

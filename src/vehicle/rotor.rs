@@ -26,6 +26,7 @@
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
 use crate::problem::{self, HubKind, Spanwise};
+use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
 use crate::vehicle::frames::{HubFrame, position_body};
@@ -156,12 +157,16 @@ impl Spanwise {
 
 impl Rotor {
     /// The rotor of a problem in the given air.
-    #[must_use]
+    ///
+    /// # Errors
+    /// An airfoil table that cannot be interpolated.
     pub fn new(
         rotor: &problem::Rotor,
         center_of_gravity: &problem::Station,
         air: &Air,
-    ) -> Self {
+    ) -> Result<Self, VehicleError> {
+        let section = Section::new(&rotor.airfoil)
+            .map_err(|source| VehicleError::Airfoil { of: rotor.name.clone(), source })?;
         let count = rotor.elements;
         let width = (1.0 - rotor.root_cutout) / count as f64;
         let elements = (0..count)
@@ -198,9 +203,9 @@ impl Rotor {
         let in_plane = n * second * cp * cp;
         let (xx, yy) =
             if rotor.blades == 2 { (in_plane, 0.0) } else { (0.5 * in_plane, 0.5 * in_plane) };
-        let zz = n
-            * (m * undersling * undersling - 2.0 * undersling * first * sp + second * sp * sp);
-        Self {
+        let zz =
+            n * (m * undersling * undersling - 2.0 * undersling * first * sp + second * sp * sp);
+        Ok(Self {
             name: rotor.name.clone(),
             position_body: position_body(&rotor.hub, center_of_gravity),
             frame: HubFrame::new(rotor.cant, rotor.tilt, rotor.direction),
@@ -220,16 +225,29 @@ impl Rotor {
             first_moment: n * (m * undersling - first * sp),
             inertia: [yy + zz, xx + zz, xx + yy],
             elements,
-            section: Section::new(&rotor.airfoil),
+            section,
             sound_speed: air.sound_speed,
             density: air.density,
-        }
+        })
     }
 
     /// Force scale ρπR²(ΩR)², N.
     #[must_use]
     pub fn force_scale(&self) -> f64 {
         self.density * PI * self.radius.powi(4) * self.speed * self.speed
+    }
+
+    /// Area of one blade ∫c dr, m².
+    #[must_use]
+    pub fn blade_area(&self) -> f64 {
+        self.elements.iter().map(|e| e.half_density_area).sum::<f64>() / (0.5 * self.density)
+    }
+
+    /// Built-in twist of the element nearest to a station r/R, rad.
+    #[must_use]
+    pub fn twist_at(&self, station: f64) -> f64 {
+        let off = |e: &Element| (e.radius / self.radius - station).abs();
+        self.elements.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map_or(0.0, |e| e.twist)
     }
 
     /// Tip speed ΩR at nominal speed, m/s.
@@ -365,10 +383,8 @@ impl Rotor {
         ];
         let [jx, jy, jz] = self.inertia;
         let [wx, wy, wz] = rate.0;
-        let (mx_f, my_f) = (
-            s * moment.0[1] - c * moment.0[0],
-            -(s * moment.0[0] + c * moment.0[1]),
-        );
+        let (mx_f, my_f) =
+            (s * moment.0[1] - c * moment.0[0], -(s * moment.0[0] + c * moment.0[1]));
         let moment_f = [mx_f, my_f, moment.0[2]];
         // In-plane moments tilt with the blades; the switch leaves them
         // about the shaft and the spanwise line in the disk.
@@ -395,19 +411,13 @@ impl Rotor {
             hub_my,
             aero_t[2] - alpha[2] * jz - wx * wy * (jy - jx),
         ];
-        let hub_f = [
-            mt_c * hub_t[0] + mt_s * hub_t[2],
-            hub_t[1],
-            mt_c * hub_t[2] - mt_s * hub_t[0],
-        ];
+        let hub_f =
+            [mt_c * hub_t[0] + mt_s * hub_t[2], hub_t[1], mt_c * hub_t[2] - mt_s * hub_t[0]];
         let moment_hub =
             Vec3([-(c * hub_f[0] + s * hub_f[1]), s * hub_f[0] - c * hub_f[1], hub_f[2]]);
         let sz = -self.first_moment;
-        let inertial_t = [
-            (alpha_y + wx * wz) * sz,
-            (wy * wz - alpha[0]) * sz,
-            (wx * wx + wy * wy) * -sz,
-        ];
+        let inertial_t =
+            [(alpha_y + wx * wz) * sz, (wy * wz - alpha[0]) * sz, (wx * wx + wy * wy) * -sz];
         let inertial_f = [
             tilt_c * inertial_t[0] + tilt_s * inertial_t[2],
             inertial_t[1],
@@ -434,11 +444,8 @@ impl Rotor {
     #[inline(always)]
     pub fn hub_to_blades<S: Scalar>(&self, teeter_angle: S, shaft: &Shaft<S>) -> [Vec3<S>; 3] {
         let (s, c) = (shaft.sine, shaft.cosine);
-        let (st, ct) = if self.teetering {
-            teeter_angle.sin_cos()
-        } else {
-            (S::default(), S::constant(1.0))
-        };
+        let (st, ct) =
+            if self.teetering { teeter_angle.sin_cos() } else { (S::default(), S::constant(1.0)) };
         [
             Vec3([-(c * ct), s * ct, -st]),
             Vec3([-s, -c, S::default()]),
@@ -469,9 +476,8 @@ impl Rotor {
         };
         let force = [alpha_y * -sz, w[0] * sz, S::default()];
         let moment = [w[0] * -jx + a[1] * sz, my, w[2] * -jz];
-        let back = |t: [S; 3]| {
-            blades[0].scale(t[0]) + blades[1].scale(t[1]) + blades[2].scale(t[2])
-        };
+        let back =
+            |t: [S; 3]| blades[0].scale(t[0]) + blades[1].scale(t[1]) + blades[2].scale(t[2]);
         let moment_hub = if self.teeter_torque_tilt || !self.teetering {
             back(moment)
         } else {
@@ -629,8 +635,7 @@ impl PowerProbe<'_> {
         let [p, q, r] = input.rate_hub.0;
         let [beta_1, rate_1] = rotor.teeter(&input.flapping, shaft);
         for blade in 0..rotor.blades {
-            let azimuth = shaft.sine.atan2(shaft.cosine)
-                + blade as f64 * TAU / rotor.blades as f64;
+            let azimuth = shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.blades as f64;
             let (s, c) = azimuth.sin_cos();
             let sign = if !rotor.teetering {
                 0.0

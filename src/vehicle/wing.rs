@@ -9,6 +9,7 @@
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
 use crate::problem::{self, Wash, WingModel};
+use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
 use crate::vehicle::frames::{Matrix3, about_x, about_y, position_body, product};
@@ -64,8 +65,14 @@ enum Lift {
 
 impl Wing {
     /// The wing of a problem in the given air.
-    #[must_use]
-    pub fn new(wing: &problem::Wing, center_of_gravity: &problem::Station, air: &Air) -> Self {
+    ///
+    /// # Errors
+    /// An airfoil table that cannot be interpolated.
+    pub fn new(
+        wing: &problem::Wing,
+        center_of_gravity: &problem::Station,
+        air: &Air,
+    ) -> Result<Self, VehicleError> {
         let center = position_body(&wing.aerodynamic_center, center_of_gravity);
         let (count, half_dihedral) = match wing.model {
             // Each half needs its own plane, so strips come in pairs.
@@ -96,7 +103,8 @@ impl Wing {
         let aspect_ratio = wing.span * wing.span / area_total;
         let lift = match &wing.model {
             WingModel::Elements { airfoil, induced_angle, .. } => {
-                let section = Section::new(airfoil);
+                let section = Section::new(airfoil)
+                    .map_err(|source| VehicleError::Airfoil { of: wing.name.clone(), source })?;
                 let (slope, zero_lift_angle) = attached_line(&section);
                 let slope_factor =
                     if *induced_angle { 1.0 / (1.0 + slope / (PI * aspect_ratio)) } else { 1.0 };
@@ -116,13 +124,13 @@ impl Wing {
                 stall_angle: *stall_angle,
             },
         };
-        Self {
+        Ok(Self {
             name: wing.name.clone(),
             wash: wing.wash,
             strips,
             lift,
             sound_speed: air.sound_speed,
-        }
+        })
     }
 
     /// Places at which the rotors' wash is wanted, body frame from the centre
@@ -200,11 +208,8 @@ impl Wing {
                 let (s, c) = alpha.sin_cos();
                 let off = alpha - zero_lift_angle;
                 let attached = slope * off;
-                let (stalled, stalled_a) = smooth_step(
-                    alpha.abs(),
-                    stall_angle - STALL_WIDTH,
-                    stall_angle + STALL_WIDTH,
-                );
+                let (stalled, stalled_a) =
+                    smooth_step(alpha.abs(), stall_angle - STALL_WIDTH, stall_angle + STALL_WIDTH);
                 let stalled_a = stalled_a * alpha.signum();
                 let plate_lift = STALLED_NORMAL_FORCE * s * c;
                 let plate_lift_a = STALLED_NORMAL_FORCE * (c * c - s * s);
@@ -214,9 +219,7 @@ impl Wing {
                 let polar_a = 2.0 * induced * attached * slope;
                 (
                     attached + stalled * (plate_lift - attached),
-                    slope
-                        + stalled * (plate_lift_a - slope)
-                        + stalled_a * (plate_lift - attached),
+                    slope + stalled * (plate_lift_a - slope) + stalled_a * (plate_lift - attached),
                     0.0,
                     polar + stalled * (plate_drag - polar),
                     polar_a + stalled * (plate_drag_a - polar_a) + stalled_a * (plate_drag - polar),

@@ -1,0 +1,172 @@
+//! Arguments that several subcommands share.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::error::color;
+use super::output;
+use super::{CliError, Outcome};
+use crate::problem::{self, Loaded};
+use crate::units::System;
+
+/// The problem to work on.
+#[derive(Debug, Clone, Args)]
+pub struct ProblemArgs {
+    /// Problem file, or the name of a built-in one: coax2d (the default), coax2d-appendix,
+    /// coax2d-physics
+    #[arg(value_name = "FILE")]
+    pub file: Option<PathBuf>,
+}
+
+impl ProblemArgs {
+    /// Reads the problem. A built-in name is taken where no file has it.
+    ///
+    /// # Errors
+    /// Every error of the file at once.
+    pub fn load(&self) -> Result<Loaded, CliError> {
+        let Some(path) = &self.file else {
+            return Ok(problem::builtin()?);
+        };
+        match path.to_str() {
+            Some(name) if problem::BUILTIN.contains(&name) && !path.exists() => {
+                Ok(problem::builtin_named(name)?)
+            }
+            _ => Ok(problem::load(path)?),
+        }
+    }
+
+    /// Reads the problem and shows its warnings on standard error, unless
+    /// quiet.
+    ///
+    /// # Errors
+    /// As [`ProblemArgs::load`].
+    pub fn load_with_warnings(&self, quiet: bool) -> Result<Loaded, CliError> {
+        let loaded = self.load()?;
+        if !quiet {
+            for warning in &loaded.warnings {
+                output::note(&(warning.render(color()) + "\n"));
+            }
+        }
+        Ok(loaded)
+    }
+}
+
+/// Units of what people read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Units {
+    /// US customary: ft, lb, slug, hp, kt
+    Us,
+    /// SI: m, kg, N, kW
+    Si,
+}
+
+/// `--units`.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct UnitsArgs {
+    /// Units of the results
+    #[arg(long, value_enum, default_value = "us")]
+    pub units: Units,
+}
+
+impl UnitsArgs {
+    /// The system of units.
+    pub fn system(self) -> System {
+        match self.units {
+            Units::Us => System::Us,
+            Units::Si => System::Si,
+        }
+    }
+}
+
+/// Forms of a result with rows and columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Aligned columns for people
+    Table,
+    /// Comma-separated values
+    Csv,
+    /// JSON
+    Json,
+}
+
+/// `--format table|csv|json`.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct FormatArgs {
+    /// Form of the result
+    #[arg(long, value_enum, default_value = "table")]
+    pub format: Format,
+}
+
+/// `-o FILE` and `--force`.
+#[derive(Debug, Clone, Args)]
+pub struct OutputArgs {
+    /// File to write instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace files that are already there
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl OutputArgs {
+    /// Refuses an output file that is already there. To be called before a
+    /// long computation, so that its result is not lost.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`].
+    pub fn check(&self) -> Result<(), CliError> {
+        self.output.as_deref().map_or(Ok(()), |path| self.check_path(path))
+    }
+
+    /// As [`OutputArgs::check`], for another file that the same `--force`
+    /// governs.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`].
+    pub fn check_path(&self, path: &Path) -> Result<(), CliError> {
+        if path.exists() && !self.force {
+            return Err(CliError::Exists { path: path.into() });
+        }
+        Ok(())
+    }
+
+    /// Writes a result to the file, or to standard output.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`] and [`CliError::Io`].
+    pub fn write(&self, text: &str) -> Result<Outcome, CliError> {
+        match &self.output {
+            Some(path) => output::write_whole(path, text.as_bytes(), self.force)?,
+            None => output::print(text)?,
+        }
+        Ok(Outcome::Done)
+    }
+}
+
+/// `--quiet` and `--threads`.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct RunArgs {
+    /// Show no progress and no warnings
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Threads to compute with; results do not depend on it [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+impl RunArgs {
+    /// Sets up the pool of threads. To be called once, before any work.
+    ///
+    /// # Errors
+    /// Where the system refuses the threads.
+    pub fn start(&self) -> Result<(), CliError> {
+        let Some(threads) = self.threads else {
+            return Ok(());
+        };
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|error| CliError::Internal(format!("cannot start {threads} threads: {error}")))
+    }
+}

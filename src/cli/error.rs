@@ -1,0 +1,95 @@
+//! How a subcommand ends.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+
+use super::output;
+use crate::problem::Report;
+use crate::vehicle::VehicleError;
+
+/// Exit code of an internal error.
+pub(super) const INTERNAL: u8 = 70;
+
+/// How a subcommand ended that could do its work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// The goal is reached.
+    Done,
+    /// The computation ran, its result has been shown, but it falls short of
+    /// the goal.
+    GoalMissed,
+}
+
+impl Outcome {
+    pub(super) fn exit_code(self) -> u8 {
+        match self {
+            Outcome::Done => 0,
+            Outcome::GoalMissed => 1,
+        }
+    }
+}
+
+/// Why a subcommand could not do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// A problem file is wrong, or cannot be read.
+    #[error("{0}")]
+    Problem(#[from] Report),
+    /// The problem is sound as a file, but no model of it can be built.
+    #[error("the model cannot be built: {0}")]
+    Vehicle(#[from] VehicleError),
+    /// Arguments that cannot be used together, or mean nothing here.
+    #[error("{message}")]
+    Usage {
+        /// What is wrong.
+        message: String,
+        /// What to write instead.
+        help: String,
+    },
+    /// A file to be written is already there.
+    #[error("{}: the file is already there", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file could not be written or read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file; `standard output` for that.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A result that should have been there is not.
+    #[error("internal error: {0}")]
+    Internal(String),
+}
+
+impl CliError {
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            CliError::Problem(report) if report.unreadable => 3,
+            CliError::Problem(_) | CliError::Vehicle(_) | CliError::Usage { .. } => 2,
+            CliError::Exists { .. } | CliError::Io { .. } => 3,
+            CliError::Internal(_) => INTERNAL,
+        }
+    }
+
+    pub(super) fn print(&self) {
+        match self {
+            CliError::Problem(report) => output::note(&report.render(color())),
+            CliError::Usage { message, help } => {
+                output::note(&format!("error: {message}\n  help: {help}\n"));
+            }
+            CliError::Exists { .. } => {
+                output::note(&format!("error: {self}\n  help: --force replaces it\n"));
+            }
+            _ => output::note(&format!("error: {self}\n")),
+        }
+    }
+}
+
+/// Whether messages to people may be coloured.
+pub(super) fn color() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+}

@@ -1,0 +1,199 @@
+//! Writing results, whole or not at all.
+
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+use super::CliError;
+
+/// Writes a file in one piece: the bytes go to a temporary file in the same
+/// directory, which then takes the name. A reader sees the old file or the
+/// new one, never half of one. A link is followed, and a device or a pipe is
+/// simply written to.
+///
+/// Without `overwrite`, a file that is already there is left alone.
+///
+/// # Errors
+/// [`CliError::Exists`] and [`CliError::Io`].
+pub fn write_whole(path: &Path, bytes: &[u8], overwrite: bool) -> Result<(), CliError> {
+    let fault = |source| CliError::Io { path: path.into(), source };
+    let mut target = path.to_path_buf();
+    if let Ok(there) = std::fs::metadata(path) {
+        if there.is_dir() {
+            return Err(fault(ErrorKind::IsADirectory.into()));
+        }
+        if !there.is_file() {
+            // Taking the name of a device would destroy it.
+            return std::fs::write(path, bytes).map_err(fault);
+        }
+        if !overwrite {
+            return Err(CliError::Exists { path: path.into() });
+        }
+        target = path.canonicalize().map_err(fault)?;
+    }
+    let directory = match target.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".coaxdesign-");
+    // An ordinary new file, less what the process masks: a temporary one would
+    // be closed to everybody else.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(directory).map_err(fault)?;
+    file.write_all(bytes).map_err(fault)?;
+    file.as_file().sync_all().map_err(fault)?;
+    let persisted = if overwrite {
+        file.persist(&target)
+    } else {
+        // Refuses a file that came to be since the look above.
+        file.persist_noclobber(&target)
+    };
+    match persisted {
+        Ok(_) => Ok(()),
+        Err(error) if error.error.kind() == ErrorKind::AlreadyExists => {
+            Err(CliError::Exists { path: path.into() })
+        }
+        Err(error) => Err(fault(error.error)),
+    }
+}
+
+/// Writes a text to standard output. A reader that has had enough and closed
+/// the pipe is no error.
+///
+/// # Errors
+/// [`CliError::Io`].
+pub fn print(text: &str) -> Result<(), CliError> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
+            Err(CliError::Io { path: "standard output".into(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a text to standard error. There is nobody to tell if that fails.
+pub fn note(text: &str) {
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// A number with so many significant digits, without trailing zeros:
+/// `10.66`, `0.0021`, `1.2e-7`.
+pub fn significant(value: f64, digits: usize) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !value.is_finite() {
+        return value.to_string();
+    }
+    let scientific = format!("{value:.*e}", digits.max(1) - 1);
+    let Some((mantissa, exponent)) = scientific.split_once('e') else {
+        return scientific;
+    };
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trim = |text: &str| -> String {
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').into()
+        } else {
+            text.into()
+        }
+    };
+    if !(-5..=digits as i32 + 2).contains(&exponent) {
+        return format!("{}e{exponent}", trim(mantissa));
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    trim(&format!("{value:.decimals$}"))
+}
+
+/// Lines of cells as aligned columns: the first is set left, the others
+/// right; two spaces between. Lines may differ in length.
+pub fn aligned(lines: &[Vec<String>]) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        lines
+            .iter()
+            .filter_map(|line| line.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut text = String::new();
+    for line in lines {
+        let mut whole = String::new();
+        for (index, (cell, width)) in line.iter().zip(&widths).enumerate() {
+            if index == 0 {
+                whole += &format!("{cell:<width$}");
+            } else {
+                whole += &format!("  {cell:>width$}");
+            }
+        }
+        text += whole.trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_written_whole_and_not_replaced_unasked() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("result.txt");
+        write_whole(&path, b"first", false).unwrap();
+        assert!(matches!(write_whole(&path, b"second", false), Err(CliError::Exists { .. })));
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        write_whole(&path, b"second", true).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"second");
+        // Nothing else is left behind.
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+        assert!(matches!(write_whole(directory.path(), b"x", true), Err(CliError::Io { .. })));
+        assert!(matches!(
+            write_whole(&directory.path().join("none/x"), b"x", true),
+            Err(CliError::Io { .. })
+        ));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_devices_are_not_replaced() {
+        use std::os::unix::fs::FileTypeExt;
+        let directory = tempfile::tempdir().unwrap();
+        let (file, link) = (directory.path().join("file"), directory.path().join("link"));
+        std::fs::write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_whole(&link, b"new", true).unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        let null = Path::new("/dev/null");
+        write_whole(null, b"x", true).unwrap();
+        assert!(std::fs::metadata(null).unwrap().file_type().is_char_device());
+    }
+
+    #[test]
+    fn numbers_keep_their_significant_digits() {
+        for (value, text) in [
+            (10.66, "10.66"),
+            (0.0, "0"),
+            (-0.002_123_456, "-0.0021235"),
+            (123_456.7, "123457"),
+            (1.0, "1"),
+            (100.0, "100"),
+            (1.234e-9, "1.234e-9"),
+            (9.999_999, "10"),
+            (2.5e12, "2.5e12"),
+        ] {
+            assert_eq!(significant(value, 5), text);
+        }
+    }
+
+    #[test]
+    fn columns_align() {
+        let line = |cells: &[&str]| cells.iter().map(ToString::to_string).collect();
+        let text = aligned(&[line(&["β", "1"]), line(&["radius", "10.66", "ft"]), line(&[])]);
+        assert_eq!(text, "β           1\nradius  10.66  ft\n\n");
+    }
+}

@@ -1,0 +1,1489 @@
+//! Gains by a sequence of conic programs.
+//!
+//! One program tunes one channel at all speeds and for all models at once. At
+//! the iterate x₀ every requirement is replaced by a convex one that implies
+//! it near x₀ (half-planes between the Nyquist curve and the kite, cones for
+//! the sensitivity), the actuator activity by its Gauss–Newton model, and the
+//! program is solved within a trust region. The step is judged by the exact
+//! requirements on the grid (the merit), and refused if it changes the
+//! winding of D, that is the number of unstable poles.
+//!
+//! Requirements are elastic: each has a slack per speed with a price, so that
+//! the program always has a solution and an unattainable specification ends
+//! in the least-violating design.
+
+use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
+use super::kite::Kite;
+use super::loops::{
+    Affine, ChannelLoops, Cut, FrequencyModel, LawSettings, LoopModel, affine_value, real_row,
+    without_hold,
+};
+use super::metrics;
+use super::plant::{Hardware, Inversion, ModelClass, ModelSet, Plant, PlantError};
+use super::stability;
+use crate::numerics::conic::{AffineRow, ConicError, Program, Solution, Status};
+use nalgebra::DMatrix;
+use num_complex::Complex64 as C;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What one class of models must meet in one channel; factors, rad, rad/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Targets {
+    /// Gain margin upward, factor.
+    pub gain_up: f64,
+    /// Gain margin downward, factor.
+    pub gain_down: f64,
+    /// Phase margin, rad.
+    pub phase: f64,
+    /// Least disturbance rejection bandwidth, rad/s.
+    pub drb: Option<f64>,
+    /// Largest disturbance rejection peak, factor.
+    pub drp: Option<f64>,
+    /// Least crossover, rad/s.
+    pub crossover_min: Option<f64>,
+    /// Largest crossover, rad/s.
+    pub crossover_max: Option<f64>,
+}
+
+/// Specification of one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelSpec {
+    /// For nominal models.
+    pub nominal: Targets,
+    /// For off-nominal models.
+    pub off_nominal: Targets,
+    /// Least and largest K_I/K_P, 1/s.
+    pub integral_ratio: [f64; 2],
+    /// Factor on this channel's prices: above one, its specs give way last.
+    pub priority: f64,
+    /// Lowest and highest speed at which the channel is closed, m/s.
+    pub speeds: [f64; 2],
+}
+
+impl ChannelSpec {
+    /// Whether the channel is closed at a speed, m/s.
+    pub fn applies(&self, speed: f64) -> bool {
+        let slack = 1e-6;
+        speed >= self.speeds[0] - slack && speed <= self.speeds[1] + slack
+    }
+
+    /// Targets of a class.
+    pub fn targets(&self, class: ModelClass) -> &Targets {
+        match class {
+            ModelClass::Nominal => &self.nominal,
+            ModelClass::OffNominal => &self.off_nominal,
+        }
+    }
+}
+
+/// Kinds of elastic requirements, in the order of the slacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Requirement {
+    /// The kite of gain and phase margins.
+    Margin,
+    /// Disturbance rejection bandwidth.
+    RejectionBandwidth,
+    /// Disturbance rejection peak.
+    RejectionPeak,
+    /// Least crossover.
+    CrossoverMin,
+    /// Largest crossover.
+    CrossoverMax,
+}
+
+impl Requirement {
+    /// All kinds.
+    pub const ALL: [Requirement; 5] = [
+        Requirement::Margin,
+        Requirement::RejectionBandwidth,
+        Requirement::RejectionPeak,
+        Requirement::CrossoverMin,
+        Requirement::CrossoverMax,
+    ];
+    /// Price of a unit of violation, relative to the activity at the start.
+    fn price(self) -> f64 {
+        match self {
+            Requirement::Margin => 300.0,
+            _ => 100.0,
+        }
+    }
+}
+
+/// Number of requirement kinds.
+const KINDS: usize = Requirement::ALL.len();
+
+/// Settings of the tuning.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TuningOptions {
+    /// Frequency grid, rad/s.
+    pub grid: Vec<f64>,
+    /// Weight λ of the differences between neighbouring speeds.
+    pub smoothing: f64,
+    /// Largest number of Gauss–Seidel sweeps over the channels.
+    pub sweeps: usize,
+    /// Kite sizes gone through before the full one.
+    pub growth: Vec<f64>,
+    /// Programs per channel and sweep at most.
+    pub iterations: usize,
+    /// Trust region at the start, in scaled gains.
+    pub trust: f64,
+    /// Phase margin added so that the dense check is met, rad.
+    pub phase_back_off: f64,
+    /// Same for gain margins, dB.
+    pub gain_back_off: f64,
+    /// Same for |S|, dB.
+    pub rejection_back_off: f64,
+}
+
+impl Default for TuningOptions {
+    fn default() -> Self {
+        Self {
+            grid: default_grid(0.002, 60.0, 300),
+            smoothing: 0.02,
+            sweeps: 4,
+            growth: vec![0.4, 0.7],
+            iterations: 25,
+            trust: 0.35,
+            phase_back_off: 0.15f64.to_radians(),
+            gain_back_off: 0.03,
+            rejection_back_off: 0.04,
+        }
+    }
+}
+
+/// `n` logarithmic points from 0.03 rad/s to `high`, and 30 from `low` up to
+/// there: the low end only has to watch integrators and slow modes.
+pub fn default_grid(low: f64, high: f64, n: usize) -> Vec<f64> {
+    let split = 0.03;
+    let log = |a: f64, b: f64, n: usize, k: usize| a * (b / a).powf(k as f64 / (n - 1) as f64);
+    let mut grid: Vec<f64> = (0..30).map(|k| log(low, split, 31, k)).collect();
+    grid.extend((0..n).map(|k| log(split, high, n, k)));
+    grid
+}
+
+/// Why a tuning could not be carried out.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TuningError {
+    /// A plant is unusable.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// A conic program could not be posed.
+    #[error("tuning {channel}: {source}")]
+    Program {
+        /// The channel.
+        channel: Channel,
+        /// What the program lacks.
+        source: ConicError,
+    },
+    /// No start stabilises a model.
+    #[error(
+        "no start stabilises model '{model}' at {speed:.1} m/s: the fastest-growing mode of the best \
+         start has a real part of {growth:.3} 1/s"
+    )]
+    Unstabilisable {
+        /// Model.
+        model: String,
+        /// Speed, m/s.
+        speed: f64,
+        /// Largest real part of the closed-loop eigenvalues, 1/s.
+        growth: f64,
+    },
+    /// A response is not finite.
+    #[error("the frequency response of model '{model}' at {speed:.1} m/s is not finite")]
+    NotFinite {
+        /// Model.
+        model: String,
+        /// Speed, m/s.
+        speed: f64,
+    },
+    /// Nothing to tune.
+    #[error("there is nothing to tune: {0}")]
+    Empty(&'static str),
+}
+
+/// Counts and times of a tuning.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TuningStats {
+    /// Conic programs solved.
+    pub programs: usize,
+    /// Rows of the largest program.
+    pub largest_rows: usize,
+    /// Interior-point iterations in all.
+    pub interior_iterations: u32,
+    /// Programs whose answer could not be used, with the trust region cut instead.
+    pub refused: usize,
+    /// Time inside the conic solver, s.
+    pub solver_time: f64,
+    /// Time in assembling programs and merits, s.
+    pub assembly_time: f64,
+}
+
+impl TuningStats {
+    fn add(&mut self, other: &Self) {
+        self.programs += other.programs;
+        self.largest_rows = self.largest_rows.max(other.largest_rows);
+        self.interior_iterations += other.interior_iterations;
+        self.refused += other.refused;
+        self.solver_time += other.solver_time;
+        self.assembly_time += other.assembly_time;
+    }
+}
+
+/// Whether det(I + Λ) turns as often about zero at both gain sets, for every
+/// speed and model.
+fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool {
+    models.iter().zip(a.iter().zip(b)).all(|(models, (a, b))| {
+        models.par_iter().all(|m| {
+            let (da, db) = (m.determinant(a), m.determinant(b));
+            let ratio: Vec<C> = da.iter().zip(&db).map(|(a, b)| b / a).collect();
+            let turned: f64 = ratio.windows(2).map(|r| (r[1] / r[0]).arg()).sum();
+            turned.abs() < WINDING_TOLERANCE
+        })
+    })
+}
+
+/// One speed and model within a channel's problem.
+#[derive(Clone)]
+struct Site {
+    speed: usize,
+    nominal: bool,
+    targets: Targets,
+    loops: ChannelLoops,
+    kites: Vec<Kite>,
+    /// Grid points at which the rejection bandwidth is required.
+    rejection_points: Vec<usize>,
+    /// Trapezoid weights of the activity.
+    weights: Vec<f64>,
+}
+
+/// One channel over all speeds and models, other channels fixed.
+#[derive(Clone)]
+pub struct ChannelProblem<'a> {
+    channel: Channel,
+    spec: &'a ChannelSpec,
+    options: &'a TuningOptions,
+    /// Places of this channel's speeds among all.
+    places: Vec<usize>,
+    speeds: Vec<f64>,
+    sites: Vec<Site>,
+    /// Activity² at the start of this run, by speed.
+    reference_activity: Vec<f64>,
+    /// Programs solved so far.
+    pub stats: TuningStats,
+}
+
+/// Exact requirements at a point.
+#[derive(Debug, Clone)]
+pub struct Merit {
+    /// Objective with all penalties.
+    pub total: f64,
+    /// Mean over speeds of activity² over its value at the start.
+    pub activity: f64,
+    /// Violation by speed and requirement, in the units of the slacks.
+    pub violation: Vec<[f64; KINDS]>,
+}
+
+impl Merit {
+    /// Largest violation of all.
+    pub fn worst(&self) -> f64 {
+        self.violation.iter().flatten().copied().fold(0.0, f64::max)
+    }
+}
+
+/// Trust region at most and at least, in scaled gains.
+const TRUST: [f64; 2] = [0.6, 1e-3];
+/// Largest trust region at the start of the second and of later sweeps: what
+/// the others changed needs only small answers, and a small region leaves out
+/// most rows.
+const LATER_TRUST: [f64; 2] = [0.12, 0.05];
+/// A step smaller than this in scaled gains ends the sequence.
+const STEP_TOLERANCE: f64 = 3e-3;
+/// So does a relative fall of the merit below this.
+const MERIT_TOLERANCE: f64 = 2e-5;
+/// Least Re D/D̄₀ along the separating normal: keeps the winding.
+const STABILITY_FLOOR: f64 = 0.05;
+/// A change of phase of D_new/D_old over the grid beyond this is a change of
+/// the number of unstable poles, rad.
+const WINDING_TOLERANCE: f64 = 1.5;
+/// |L| above this needs no margin rows.
+const MARGIN_REACH: f64 = 20.0;
+/// Distance from the kite beyond which a segment gets no margin rows.
+const MARGIN_DISTANCE: f64 = 0.5;
+/// Highest frequency at which the rejection peak is required, rad/s.
+const PEAK_BAND: f64 = 25.0;
+/// A violation beyond this, in slack units, makes other starts worth trying.
+const RESCUE_VIOLATION: f64 = 2e-3;
+/// Programs per such start at most.
+const RESCUE_ITERATIONS: usize = 10;
+/// Price of a unit of K_I/K_P ratio violation.
+const RATIO_PRICE: f64 = 300.0;
+
+impl<'a> ChannelProblem<'a> {
+    /// Assembles the problem. `models[speed][model]` are the loops, `gains`
+    /// one set a speed, `growth` the size of the kite (1: full).
+    #[allow(clippy::too_many_arguments)]
+    pub fn new(
+        channel: Channel,
+        spec: &'a ChannelSpec,
+        classes: &[ModelClass],
+        models: &[Vec<LoopModel>],
+        speeds: &[f64],
+        gains: &[GainSet],
+        growth: f64,
+        options: &'a TuningOptions,
+    ) -> Self {
+        let places: Vec<usize> = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
+        let pairs: Vec<(usize, usize)> = (0..places.len())
+            .flat_map(|v| (0..models[places[v]].len()).map(move |m| (v, m)))
+            .collect();
+        // The effector cut comes first: activity is counted there. An outer
+        // loop also has margins of its own.
+        let cuts: &[Cut] =
+            if channel.is_outer() { &[Cut::Effector, Cut::Channel] } else { &[Cut::Effector] };
+        let sites = pairs
+            .par_iter()
+            .map(|&(v, m)| {
+                let targets = *spec.targets(classes[m]);
+                let loops = models[places[v]][m].channel(&gains[places[v]], channel, cuts);
+                let back = metrics::from_decibels(options.gain_back_off);
+                let kite = Kite::new(
+                    targets.gain_up.powf(growth) * back,
+                    targets.gain_down.powf(growth) * back,
+                    targets.phase * growth + options.phase_back_off,
+                );
+                let rejection_points =
+                    targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
+                Site {
+                    speed: v,
+                    nominal: m == 0,
+                    targets,
+                    kites: vec![kite; cuts.len()],
+                    rejection_points,
+                    weights: metrics::activity_weights(&loops.omega, metrics::ACTIVITY_BAND),
+                    loops,
+                }
+            })
+            .collect();
+        let mut problem = Self {
+            channel,
+            spec,
+            options,
+            speeds: places.iter().map(|&v| speeds[v]).collect(),
+            reference_activity: vec![1.0; places.len()],
+            places,
+            sites,
+            stats: TuningStats::default(),
+        };
+        let x = problem.values(gains);
+        for site in &problem.sites {
+            if site.nominal {
+                problem.reference_activity[site.speed] =
+                    site.activity_squared(&x[site.speed]).max(1e-12);
+            }
+        }
+        problem
+    }
+
+    /// This channel's gains by its speeds.
+    pub fn values(&self, gains: &[GainSet]) -> Vec<Vec<f64>> {
+        let channel = self.channel;
+        self.places.iter().map(|&v| gains[v][channel.index()].values(channel)).collect()
+    }
+
+    fn write(&self, x: &[Vec<f64>], gains: &mut [GainSet]) {
+        for (&v, x) in self.places.iter().zip(x) {
+            gains[v][self.channel.index()] = ChannelGains::from_values(self.channel, x);
+        }
+    }
+
+    fn gain_count(&self) -> usize {
+        self.channel.gains().len()
+    }
+
+    /// Exact merit at `x[speed]`; `None` if the winding differs from that at
+    /// `reference` or a value is not finite.
+    pub fn merit(&self, x: &[Vec<f64>], reference: Option<&[Vec<f64>]>) -> Option<Merit> {
+        let n = self.speeds.len() as f64;
+        let parts: Option<Vec<(usize, [f64; KINDS], f64)>> = self
+            .sites
+            .par_iter()
+            .map(|site| {
+                let old = reference.map(|r| r[site.speed].as_slice());
+                site.violations(&x[site.speed], old, self.options).map(|v| {
+                    let activity = if site.nominal {
+                        site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
+                    } else {
+                        0.0
+                    };
+                    (site.speed, v, activity)
+                })
+            })
+            .collect();
+        let mut violation = vec![[0.0f64; KINDS]; self.speeds.len()];
+        let mut activity = 0.0;
+        for (speed, v, a) in parts? {
+            for (worst, v) in violation[speed].iter_mut().zip(v) {
+                *worst = worst.max(v);
+            }
+            activity += a / n;
+        }
+        let mut total = activity + self.smoothness(x);
+        for v in &violation {
+            for (kind, v) in Requirement::ALL.iter().zip(v) {
+                total += self.price(*kind) * v / n;
+            }
+        }
+        let [p, i] = self.ratio_places();
+        for x in x {
+            let [low, high] = self.spec.integral_ratio;
+            let excess = (low * x[p] - x[i]).max(0.0) + (x[i] - high * x[p]).max(0.0);
+            total += RATIO_PRICE * excess / n;
+        }
+        total.is_finite().then_some(Merit { total, activity, violation })
+    }
+
+    fn price(&self, kind: Requirement) -> f64 {
+        kind.price() * self.spec.priority
+    }
+
+    /// Places of K_P and K_I among the channel's gains.
+    fn ratio_places(&self) -> [usize; 2] {
+        let place = |gain: Gain| self.channel.gains().iter().position(|&g| g == gain).unwrap_or(0);
+        [place(Gain::Proportional), place(Gain::Integral)]
+    }
+
+    /// Weights and scales of the smoothness terms.
+    fn smoothness_scales(&self, x: &[Vec<f64>]) -> Vec<f64> {
+        (0..self.gain_count())
+            .map(|g| (x.iter().map(|x| x[g].abs()).sum::<f64>() / x.len() as f64).max(1e-3))
+            .collect()
+    }
+
+    fn smoothness(&self, x: &[Vec<f64>]) -> f64 {
+        let scale = self.smoothness_scales(x);
+        let mut sum = 0.0;
+        for k in 0..x.len().saturating_sub(1) {
+            let gap = self.speed_gap(k);
+            for g in 0..scale.len() {
+                sum += ((x[k + 1][g] - x[k][g]) / scale[g]).powi(2) / gap;
+            }
+        }
+        self.options.smoothing * sum
+    }
+
+    /// Gap between neighbouring speeds in units of about 10 kt.
+    fn speed_gap(&self, k: usize) -> f64 {
+        ((self.speeds[k + 1] - self.speeds[k]) / 5.0).max(1e-3)
+    }
+
+    /// Runs the sequence from `gains` and writes the result back.
+    pub fn run(&mut self, gains: &mut [GainSet]) -> Result<Merit, TuningError> {
+        let mut x = self.values(gains);
+        let clock = Instant::now();
+        let Some(mut best) = self.merit(&x, None) else {
+            return Err(TuningError::Empty("the starting gains give a non-finite loop"));
+        };
+        self.stats.assembly_time += clock.elapsed().as_secs_f64();
+        let mut trust = self.options.trust;
+        for _ in 0..self.options.iterations {
+            let clock = Instant::now();
+            let step = self.program(&x, trust);
+            self.stats.assembly_time += clock.elapsed().as_secs_f64();
+            let solution = self.solve(&step.program)?;
+            if !solution.status.usable() {
+                // Elastic rows make every program feasible and bounded but for
+                // the hard ones, which hold at the centre: a smaller region is
+                // better conditioned.
+                self.stats.refused += 1;
+                trust *= 0.4;
+                if trust < TRUST[1] {
+                    break;
+                }
+                continue;
+            }
+            let n = self.gain_count();
+            let mut size = 0.0f64;
+            let next: Vec<Vec<f64>> = x
+                .iter()
+                .enumerate()
+                .map(|(v, x)| {
+                    (0..n)
+                        .map(|g| {
+                            let d = solution.x[v * n + g];
+                            size = size.max(d.abs());
+                            (x[g] + step.scale[v][g] * d).max(0.0)
+                        })
+                        .collect()
+                })
+                .collect();
+            let clock = Instant::now();
+            let merit = self.merit(&next, Some(&x));
+            self.stats.assembly_time += clock.elapsed().as_secs_f64();
+            match merit {
+                Some(m) if m.total <= best.total + 1e-9 => {
+                    let gain = (best.total - m.total) / best.total.abs().max(1.0);
+                    x = next;
+                    best = m;
+                    trust = (trust * 1.5).min(TRUST[0]);
+                    if size < STEP_TOLERANCE || gain < MERIT_TOLERANCE {
+                        break;
+                    }
+                }
+                _ => {
+                    trust = trust.min(size) * 0.4;
+                    if trust < TRUST[1] {
+                        break;
+                    }
+                }
+            }
+        }
+        self.write(&x, gains);
+        Ok(best)
+    }
+
+    fn solve(&mut self, program: &Program) -> Result<Solution, TuningError> {
+        let solution = program
+            .solve()
+            .map_err(|source| TuningError::Program { channel: self.channel, source })?;
+        self.stats.programs += 1;
+        self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
+        self.stats.interior_iterations += solution.iterations;
+        self.stats.solver_time += solution.solve_time;
+        Ok(solution)
+    }
+
+    /// The conic program at `x` within a trust region.
+    fn program(&self, x: &[Vec<f64>], trust: f64) -> Step {
+        let (speeds, gains) = (self.speeds.len(), self.gain_count());
+        let slack0 = speeds * gains;
+        let mut program = Program::new(slack0 + speeds * KINDS);
+        let largest: Vec<f64> =
+            (0..gains).map(|g| x.iter().map(|x| x[g].abs()).fold(0.0, f64::max)).collect();
+        let scale: Vec<Vec<f64>> = x
+            .iter()
+            .map(|x| (0..gains).map(|g| x[g].abs().max(0.08 * largest[g] + 1e-3)).collect())
+            .collect();
+        let n = speeds as f64;
+        let rows: Vec<SiteRows> = self
+            .sites
+            .par_iter()
+            .map(|site| {
+                site.rows(
+                    &x[site.speed],
+                    &scale[site.speed],
+                    site.speed * gains,
+                    slack0 + site.speed * KINDS,
+                    trust,
+                    self.options,
+                    self.reference_activity[site.speed] * n,
+                )
+            })
+            .collect();
+        let mut tags = Vec::new();
+        for (site, r) in self.sites.iter().zip(rows) {
+            for (kind, row) in r.half_spaces {
+                program.require_nonnegative(row);
+                tags.push(kind.map(|k| (site.speed, k)));
+            }
+            for (_, cone) in r.cones {
+                program.require_cone(cone);
+            }
+            for (i, j, v) in r.quadratic {
+                program.add_quadratic(i, j, v);
+            }
+            for (i, v) in r.linear {
+                program.add_linear(i, v);
+            }
+        }
+        let [p, i] = self.ratio_places();
+        let [low, high] = self.spec.integral_ratio;
+        let smooth = self.smoothness_scales(x);
+        for v in 0..speeds {
+            let first = v * gains;
+            // K_I ≥ low K_P and K_I ≤ high K_P, elastic only in the merit.
+            for (sign, ratio) in [(1.0, low), (-1.0, high)] {
+                if !ratio.is_finite() || ratio <= 0.0 {
+                    continue;
+                }
+                let value = sign * (x[v][i] - ratio * x[v][p]);
+                // A start outside must be able to come in within one region.
+                let reach = trust * (scale[v][i] + ratio * scale[v][p]);
+                let constant = if value < 0.0 { (-0.5 * reach).max(value) } else { value };
+                program.require_nonnegative(AffineRow::new(
+                    constant,
+                    vec![(first + i, sign * scale[v][i]), (first + p, -sign * ratio * scale[v][p])],
+                ));
+            }
+            for g in 0..gains {
+                // Gains stay positive.
+                let down = trust.min(x[v][g] / scale[v][g]);
+                program.require_nonnegative(AffineRow::new(down, vec![(first + g, 1.0)]));
+                program.require_nonnegative(AffineRow::new(trust, vec![(first + g, -1.0)]));
+                // A little curvature where activity has none.
+                program.add_quadratic(first + g, first + g, 1e-6);
+            }
+            for (k, kind) in Requirement::ALL.into_iter().enumerate() {
+                let s = slack0 + v * KINDS + k;
+                program.require_nonnegative(AffineRow::new(0.0, vec![(s, 1.0)]));
+                program.add_linear(s, self.price(kind) / n);
+            }
+            if v + 1 < speeds && self.options.smoothing > 0.0 {
+                let weight = self.options.smoothing / self.speed_gap(v);
+                for g in 0..gains {
+                    // ((x₁ + s₁d₁) − (x₀ + s₀d₀))² / scale².
+                    let (a, b) = (scale[v][g] / smooth[g], scale[v + 1][g] / smooth[g]);
+                    let c = (x[v + 1][g] - x[v][g]) / smooth[g];
+                    let (i0, i1) = (v * gains + g, (v + 1) * gains + g);
+                    program.add_quadratic(i0, i0, weight * a * a);
+                    program.add_quadratic(i1, i1, weight * b * b);
+                    program.add_quadratic(i0, i1, -2.0 * weight * a * b);
+                    program.add_linear(i0, -2.0 * weight * c * a);
+                    program.add_linear(i1, 2.0 * weight * c * b);
+                }
+            }
+        }
+        Step { program, scale }
+    }
+}
+
+struct Step {
+    program: Program,
+    scale: Vec<Vec<f64>>,
+}
+
+/// Contribution of one site to a program.
+#[derive(Default)]
+struct SiteRows {
+    half_spaces: Vec<(Option<Requirement>, AffineRow)>,
+    cones: Vec<(Requirement, [AffineRow; 3])>,
+    quadratic: Vec<(usize, usize, f64)>,
+    linear: Vec<(usize, f64)>,
+}
+
+/// Grid points at which |S| is held under −3 dB: fourteen from the
+/// specification down to a tenth of it.
+fn rejection_points(omega: &[f64], drb: f64) -> Vec<usize> {
+    let mut points: Vec<usize> = (0..14)
+        .map(|k| drb * 10f64.powf(-(k as f64) / 13.0))
+        .filter(|&w| w >= metrics::LOWEST_REJECTION_FREQUENCY)
+        .map(|w| nearest(omega, w))
+        .collect();
+    points.sort_unstable();
+    points.dedup();
+    points
+}
+
+fn nearest(omega: &[f64], w: f64) -> usize {
+    let k = omega.partition_point(|&v| v < w);
+    if k == 0 {
+        0
+    } else if k == omega.len() || (w / omega[k - 1] < omega[k] / w) {
+        k - 1
+    } else {
+        k
+    }
+}
+
+impl Site {
+    fn activity_squared(&self, x: &[f64]) -> f64 {
+        let l = &self.loops;
+        (0..l.omega.len())
+            .filter(|&k| self.weights[k] > 0.0)
+            .map(|k| {
+                let u = affine_value(&l.noise[k], x) * affine_value(&l.opened[0][k], x)
+                    / affine_value(&l.full[k], x);
+                self.weights[k] * u.norm_sqr()
+            })
+            .sum()
+    }
+
+    /// The cut whose crossover is specified.
+    fn main_cut(&self) -> usize {
+        self.kites.len() - 1
+    }
+
+    fn rejection_level(&self, options: &TuningOptions) -> f64 {
+        metrics::DRB_LEVEL * metrics::from_decibels(-options.rejection_back_off)
+    }
+
+    fn peak_level(&self, options: &TuningOptions) -> Option<f64> {
+        let back = metrics::from_decibels(-options.rejection_back_off);
+        self.targets.drp.map(|p| p * back)
+    }
+
+    /// Grid points at which |L| ≤ 1 is required for the largest crossover.
+    fn above(&self, crossover: f64) -> impl Iterator<Item = usize> + '_ {
+        let w = &self.loops.omega;
+        (0..w.len()).filter(move |&k| w[k] >= crossover * 0.9999 && w[k] < 3.0 * crossover)
+    }
+
+    /// Exact violations on the grid.
+    fn violations(
+        &self,
+        x: &[f64],
+        old: Option<&[f64]>,
+        options: &TuningOptions,
+    ) -> Option<[f64; KINDS]> {
+        let l = &self.loops;
+        let n = l.omega.len();
+        let full: Vec<C> = l.full.iter().map(|f| affine_value(f, x)).collect();
+        if full.iter().any(|d| !d.is_finite()) {
+            return None;
+        }
+        if let Some(old) = old {
+            let mut last: Option<C> = None;
+            let (mut turned, mut extreme) = (0.0f64, 0.0f64);
+            for (f, d) in l.full.iter().zip(&full) {
+                let ratio = d / affine_value(f, old);
+                if let Some(last) = last {
+                    turned += (ratio / last).arg();
+                    extreme = turned;
+                }
+                last = Some(ratio);
+            }
+            if extreme.abs() > WINDING_TOLERANCE || extreme.is_nan() {
+                return None;
+            }
+        }
+        let mut out = [0.0f64; KINDS];
+        for (cut, kite) in self.kites.iter().enumerate() {
+            let curve: Vec<C> =
+                (0..n).map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0).collect();
+            let mut worst = 0.0f64;
+            for k in 0..n - 1 {
+                if curve[k].norm_sqr().min(curve[k + 1].norm_sqr()) < 36.0 {
+                    worst = worst.max(-kite.separation(curve[k], curve[k + 1]));
+                }
+            }
+            out[0] = out[0].max(worst);
+            if cut == self.main_cut() {
+                if let Some(w) = self.targets.crossover_min {
+                    out[3] = 1.0 - curve[nearest(&l.omega, w)].norm();
+                }
+                if let Some(w) = self.targets.crossover_max {
+                    out[4] = self.above(w).map(|k| curve[k].norm() - 1.0).fold(0.0, f64::max);
+                }
+            }
+        }
+        let free = without_hold(l.channel, x);
+        let s = |k: usize| (affine_value(&l.full[k], &free) / full[k]).norm();
+        let level = self.rejection_level(options);
+        out[1] = self.rejection_points.iter().map(|&k| s(k) - level).fold(0.0, f64::max);
+        if let Some(level) = self.peak_level(options) {
+            out[2] = (0..n)
+                .filter(|&k| l.omega[k] < PEAK_BAND)
+                .map(|k| s(k) - level)
+                .fold(0.0, f64::max);
+        }
+        Some(out.map(|v| v.max(0.0)))
+    }
+
+    /// Convex rows at `x` in the scaled step d, |d| ≤ trust.
+    #[allow(clippy::too_many_arguments)]
+    fn rows(
+        &self,
+        x: &[f64],
+        scale: &[f64],
+        first: usize,
+        slack: usize,
+        trust: f64,
+        options: &TuningOptions,
+        activity_scale: f64,
+    ) -> SiteRows {
+        let l = &self.loops;
+        let n = l.omega.len();
+        let gains = x.len();
+        let mut out = SiteRows::default();
+        // Affine functions about x: the constant is the value there.
+        let shift = |f: &Affine| -> Affine {
+            let mut g = *f;
+            g[0] = affine_value(f, x);
+            g
+        };
+        let scaled = |f: &Affine, by: C| -> Affine { f.map(|v| v * by) };
+        // The least and largest a row can be within the region.
+        let spread = |row: &AffineRow| trust * row.terms.iter().map(|t| t.1.abs()).sum::<f64>();
+        let push = |out: &mut SiteRows, kind: Option<Requirement>, mut row: AffineRow| {
+            // A row that cannot bind within the region is left out: exact, and
+            // most rows go that way.
+            if row.constant - spread(&row) >= 0.0 {
+                return;
+            }
+            if let Some(k) = kind {
+                row.terms.push((slack + k as usize, 1.0));
+            }
+            out.half_spaces.push((kind, row));
+        };
+        for (cut, kite) in self.kites.iter().enumerate() {
+            let points: Vec<(Affine, Affine, C)> = (0..n)
+                .map(|k| {
+                    let (d, b) = (shift(&l.full[k]), shift(&l.opened[cut][k]));
+                    let by = b[0].inv();
+                    let curve = d[0] * by - 1.0;
+                    (scaled(&d, by), scaled(&b, by), curve)
+                })
+                .collect();
+            for k in 0..n - 1 {
+                let (a, b) = (points[k].2, points[k + 1].2);
+                if !(a.norm() < MARGIN_REACH || b.norm() < MARGIN_REACH) {
+                    continue;
+                }
+                let separation = kite.separating_normal(a, b);
+                let normal = separation.normal;
+                for (d, _, _) in &points[k..=k + 1] {
+                    let mut row = real_row(normal, d, scale, first);
+                    row.constant -= STABILITY_FLOOR.min(0.5 * row.constant.abs());
+                    push(&mut out, None, row);
+                }
+                if separation.distance > MARGIN_DISTANCE {
+                    continue;
+                }
+                // The two vertices nearest to the separating line; the others
+                // follow unless D̄ turns far within the region, and then the
+                // exact merit refuses the step.
+                let mut vertices: Vec<C> = kite.vertices().to_vec();
+                vertices.sort_by(|p, q| (normal.conj() * q).re.total_cmp(&(normal.conj() * p).re));
+                for (d, b, _) in &points[k..=k + 1] {
+                    for z in &vertices[..2] {
+                        // Re n*(L − z) D̄/D̄₀, affine in the gains.
+                        let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
+                        push(
+                            &mut out,
+                            Some(Requirement::Margin),
+                            real_row(normal, &f, scale, first),
+                        );
+                    }
+                }
+            }
+            if cut == self.main_cut() {
+                if let Some(w) = self.targets.crossover_min {
+                    // Re l₀*(L D̄) ≥ Re D̄ at the frequency, in units of D̄₀.
+                    let (d, b, curve) = &points[nearest(&l.omega, w)];
+                    let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
+                    let unit = curve / curve.norm();
+                    let mut row = real_row(unit, &f, scale, first);
+                    let base = real_row(C::new(1.0, 0.0), b, scale, first);
+                    row.constant -= base.constant;
+                    for (t, s) in row.terms.iter_mut().zip(&base.terms) {
+                        t.1 -= s.1;
+                    }
+                    push(&mut out, Some(Requirement::CrossoverMin), row);
+                }
+                if let Some(w) = self.targets.crossover_max {
+                    for k in self.above(w).take(8).step_by(2) {
+                        let (d, b, _) = &points[k];
+                        let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
+                        let bound = real_row(C::new(1.0, 0.0), b, scale, first);
+                        push_cone(
+                            &mut out,
+                            Requirement::CrossoverMax,
+                            bound,
+                            &f,
+                            scale,
+                            first,
+                            slack,
+                            trust,
+                        );
+                    }
+                }
+            }
+        }
+        // Sensitivity: |N| ≤ c Re(d₀* D).
+        let holds: Vec<bool> = l.channel.gains().iter().map(|&g| l.channel.holds(g)).collect();
+        let sensitivity = |out: &mut SiteRows, kind: Requirement, k: usize, level: f64| {
+            let d = shift(&l.full[k]);
+            let size = d[0].norm();
+            let unit = d[0] / size;
+            let d = scaled(&d, C::new(1.0 / size, 0.0));
+            let mut f = scaled(&l.full[k], C::new(1.0 / size, 0.0));
+            for (g, &x) in x.iter().enumerate() {
+                if holds[g] {
+                    f[1 + g] = C::new(0.0, 0.0);
+                } else {
+                    let t = f[1 + g] * x;
+                    f[0] += t;
+                }
+            }
+            let mut bound = real_row(unit, &d, scale, first);
+            bound.constant *= level;
+            for t in &mut bound.terms {
+                t.1 *= level;
+            }
+            push_cone(out, kind, bound, &f, scale, first, slack, trust);
+        };
+        let level = self.rejection_level(options);
+        for &k in &self.rejection_points {
+            sensitivity(&mut out, Requirement::RejectionBandwidth, k, level);
+        }
+        if let Some(level) = self.peak_level(options) {
+            for k in (0..n).filter(|&k| l.omega[k] < PEAK_BAND).step_by(2) {
+                sensitivity(&mut out, Requirement::RejectionPeak, k, level);
+            }
+        }
+        // Activity: Gauss–Newton about x.
+        if self.nominal {
+            let mut h = [[0.0; 3]; 3];
+            let mut q = [0.0; 3];
+            for k in 0..n {
+                if self.weights[k] == 0.0 {
+                    continue;
+                }
+                let (d, b, m) = (shift(&l.full[k]), shift(&l.opened[0][k]), shift(&l.noise[k]));
+                let ratio = b[0] / d[0];
+                let u = m[0] * ratio;
+                let slope: [C; 3] = std::array::from_fn(|g| {
+                    (m[1 + g] * ratio + m[0] * (b[1 + g] * d[0] - b[0] * d[1 + g]) / (d[0] * d[0]))
+                        * scale.get(g).copied().unwrap_or(0.0)
+                });
+                let w = self.weights[k] / activity_scale;
+                for i in 0..gains {
+                    q[i] += 2.0 * w * (slope[i].conj() * u).re;
+                    for j in 0..=i {
+                        h[i][j] += w * (slope[i].conj() * slope[j]).re;
+                    }
+                }
+            }
+            for i in 0..gains {
+                out.linear.push((first + i, q[i]));
+                for j in 0..=i {
+                    let v = if i == j { h[i][j] } else { 2.0 * h[i][j] };
+                    out.quadratic.push((first + i, first + j, v));
+                }
+            }
+        }
+        out
+    }
+}
+
+/// |f| ≤ bound + slack, unless it cannot bind within the region.
+#[allow(clippy::too_many_arguments)]
+fn push_cone(
+    out: &mut SiteRows,
+    kind: Requirement,
+    mut bound: AffineRow,
+    f: &Affine,
+    scale: &[f64],
+    first: usize,
+    slack: usize,
+    trust: f64,
+) {
+    let least = bound.constant - trust * bound.terms.iter().map(|t| t.1.abs()).sum::<f64>();
+    let most = f[0].norm()
+        + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
+    if least >= most {
+        return;
+    }
+    bound.terms.push((slack + kind as usize, 1.0));
+    let re = real_row(C::new(1.0, 0.0), f, scale, first);
+    let im = real_row(C::new(0.0, 1.0), f, scale, first);
+    out.cones.push((kind, [bound, re, im]));
+}
+
+/// What the sweeps over channels share.
+struct Run<'a> {
+    classes: &'a [ModelClass],
+    models: &'a [Vec<LoopModel>],
+    speeds: &'a [f64],
+    options: &'a TuningOptions,
+}
+
+struct Sweeps {
+    merits: Vec<(Channel, Merit)>,
+    sweeps: usize,
+    last_change: f64,
+}
+
+impl Run<'_> {
+    /// Growth of the kite, then Gauss–Seidel sweeps over a group of channels.
+    fn sweeps(
+        &self,
+        group: &[(Channel, ChannelSpec)],
+        gains: &mut [GainSet],
+        stats: &mut TuningStats,
+    ) -> Result<Sweeps, TuningError> {
+        let group: Vec<(Channel, &ChannelSpec)> = group.iter().map(|c| (c.0, &c.1)).collect();
+        let mut merits: Vec<(Channel, Merit)> = Vec::new();
+        let mut last_change = f64::INFINITY;
+        let mut sweeps = 0;
+        let stages = self
+            .options
+            .growth
+            .iter()
+            .map(|&g| (g, 6))
+            .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
+        for (growth, iterations) in stages {
+            let trust = match sweeps {
+                0 => self.options.trust,
+                k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
+            };
+            let options = TuningOptions { iterations, trust, ..self.options.clone() };
+            let before = gains.to_vec();
+            merits.clear();
+            let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
+                let clock = Instant::now();
+                let mut problem = ChannelProblem::new(
+                    channel,
+                    spec,
+                    self.classes,
+                    self.models,
+                    self.speeds,
+                    gains,
+                    growth,
+                    &options,
+                );
+                problem.stats.assembly_time += clock.elapsed().as_secs_f64();
+                let merit = problem.run(gains)?;
+                Ok::<_, TuningError>((merit, problem.stats))
+            };
+            // Two channels at a time from the same point, as long as moving
+            // both keeps the number of unstable poles; else one after the other.
+            for pair in group.chunks(2) {
+                let results: Vec<(Vec<GainSet>, Merit, TuningStats)> = pair
+                    .par_iter()
+                    .map(|&(channel, spec)| {
+                        let mut own = gains.to_vec();
+                        let (merit, stats) = solve(channel, spec, &mut own)?;
+                        Ok((own, merit, stats))
+                    })
+                    .collect::<Result<_, TuningError>>()?;
+                let mut joint = gains.to_vec();
+                for ((channel, _), (own, _, s)) in pair.iter().zip(&results) {
+                    let c = channel.index();
+                    for (joint, own) in joint.iter_mut().zip(own) {
+                        joint[c] = own[c];
+                    }
+                    stats.add(s);
+                }
+                if pair.len() == 1 || same_winding(self.models, gains, &joint) {
+                    gains.copy_from_slice(&joint);
+                    merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
+                } else {
+                    for &(channel, spec) in pair {
+                        let (merit, s) = solve(channel, spec, gains)?;
+                        stats.add(&s);
+                        merits.push((channel, merit));
+                    }
+                }
+            }
+            if growth < 1.0 {
+                continue;
+            }
+            for (place, &(channel, spec)) in group.iter().enumerate() {
+                if sweeps == 0
+                    && merits[place].1.worst() > RESCUE_VIOLATION
+                    && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
+                {
+                    merits[place].1 = merit;
+                }
+            }
+            sweeps += 1;
+            last_change = change(&before, gains);
+            if last_change < SWEEP_TOLERANCE {
+                break;
+            }
+        }
+        Ok(Sweeps { merits, sweeps, last_change })
+    }
+
+    /// Tries other starts for a channel that misses a requirement at some
+    /// speeds: the gains of the nearest speeds that miss none, and slower and
+    /// faster ones. The sequence is local, and a loop with several crossings
+    /// has several local answers. Writes the best one back, if it is better.
+    fn rescue(
+        &self,
+        channel: Channel,
+        spec: &ChannelSpec,
+        gains: &mut [GainSet],
+        options: &TuningOptions,
+        stats: &mut TuningStats,
+    ) -> Result<Option<Merit>, TuningError> {
+        let options = TuningOptions {
+            trust: self.options.trust,
+            iterations: options.iterations.min(RESCUE_ITERATIONS),
+            ..options.clone()
+        };
+        let problem = ChannelProblem::new(
+            channel,
+            spec,
+            self.classes,
+            self.models,
+            self.speeds,
+            gains,
+            1.0,
+            &options,
+        );
+        let x = problem.values(gains);
+        let Some(mut best) = problem.merit(&x, None) else {
+            return Ok(None);
+        };
+        let missed: Vec<bool> =
+            best.violation.iter().map(|v| v.iter().any(|&v| v > RESCUE_VIOLATION)).collect();
+        let replaced = |f: &dyn Fn(usize) -> Option<Vec<f64>>| -> Vec<Vec<f64>> {
+            (0..x.len())
+                .map(|v| if missed[v] { f(v) } else { None }.unwrap_or_else(|| x[v].clone()))
+                .collect()
+        };
+        let below = |v: usize| (0..v).rev().find(|&k| !missed[k]).map(|k| x[k].clone());
+        let above = |v: usize| (v + 1..x.len()).find(|&k| !missed[k]).map(|k| x[k].clone());
+        let scaled = |f: f64| move |x: &[f64]| x.iter().map(|x| x * f).collect::<Vec<f64>>();
+        let candidates = [
+            replaced(&below),
+            replaced(&above),
+            replaced(&|v| Some(scaled(0.6)(&x[v]))),
+            replaced(&|v| Some(scaled(1.6)(&x[v]))),
+        ];
+        // The same number of unstable poles as now, or not at all.
+        let base: &[GainSet] = gains;
+        let tried: Vec<Option<(Vec<GainSet>, Merit, TuningStats)>> = candidates
+            .into_par_iter()
+            .map(|candidate| {
+                if candidate == x || problem.merit(&candidate, Some(&x)).is_none() {
+                    return Ok(None);
+                }
+                let mut own = problem.clone();
+                let mut trial = base.to_vec();
+                own.write(&candidate, &mut trial);
+                own.run(&mut trial)?;
+                let merit = own.merit(&own.values(&trial), None);
+                Ok(merit.map(|m| (trial, m, own.stats)))
+            })
+            .collect::<Result<_, TuningError>>()?;
+        let mut found = None;
+        for (trial, merit, s) in tried.into_iter().flatten() {
+            stats.add(&s);
+            if merit.total < best.total * (1.0 - 1e-3) {
+                best = merit.clone();
+                found = Some((trial, merit));
+            }
+        }
+        Ok(found.map(|(trial, merit)| {
+            gains.copy_from_slice(&trial);
+            merit
+        }))
+    }
+}
+
+/// Everything a tuning needs.
+pub struct TuningProblem<'a> {
+    /// Plants.
+    pub set: &'a ModelSet,
+    /// Actuators, delay, sensors.
+    pub hardware: Hardware,
+    /// The law's choices.
+    pub settings: LawSettings,
+    /// Channels to tune, with their specifications, in the order of tuning.
+    pub channels: Vec<(Channel, ChannelSpec)>,
+    /// Solver settings.
+    pub options: TuningOptions,
+}
+
+/// A tuned design.
+#[derive(Debug, Clone)]
+pub struct Tuning {
+    /// Speeds, m/s.
+    pub speeds: Vec<f64>,
+    /// Gains by speed.
+    pub gains: Vec<GainSet>,
+    /// Inversion by speed.
+    pub inversions: Vec<Inversion>,
+    /// Exact merit of each channel at the end.
+    pub merits: Vec<(Channel, Merit)>,
+    /// Sweeps made.
+    pub sweeps: usize,
+    /// Largest relative change of a gain in the last sweep.
+    pub last_change: f64,
+    /// Counts and times.
+    pub stats: TuningStats,
+}
+
+impl TuningProblem<'_> {
+    /// Grid with the specified frequencies added.
+    fn grid(&self) -> Arc<[f64]> {
+        let mut grid = self.options.grid.clone();
+        for (_, spec) in &self.channels {
+            for t in [&spec.nominal, &spec.off_nominal] {
+                grid.extend([t.drb, t.crossover_min, t.crossover_max].into_iter().flatten());
+            }
+        }
+        grid.sort_by(f64::total_cmp);
+        grid.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
+        grid.into()
+    }
+
+    /// Loops of every speed and model.
+    fn loop_models(
+        &self,
+        inversions: &[Inversion],
+        grid: &Arc<[f64]>,
+    ) -> Result<Vec<Vec<LoopModel>>, TuningError> {
+        let pairs: Vec<(usize, usize)> = (0..self.set.plants.len())
+            .flat_map(|v| (0..self.set.models.len()).map(move |m| (v, m)))
+            .collect();
+        let list: Result<Vec<LoopModel>, PlantError> = pairs
+            .par_iter()
+            .map(|&(v, m)| {
+                LoopModel::new(
+                    &self.set.plants[v][m],
+                    &inversions[v],
+                    &self.settings,
+                    self.hardware,
+                    self.set.models[m].extra_delay,
+                    grid.clone(),
+                )
+            })
+            .collect();
+        let mut list = list?.into_iter();
+        Ok(self
+            .set
+            .plants
+            .iter()
+            .map(|_| list.by_ref().take(self.set.models.len()).collect())
+            .collect())
+    }
+
+    /// Starting gains: for each speed the first of a few that stabilises every
+    /// model, scaled from the equivalent delay of the nominal plant.
+    pub fn starts(&self, inversions: &[Inversion]) -> Result<Vec<GainSet>, TuningError> {
+        let speeds = self.set.plants.iter().zip(inversions).collect::<Vec<_>>();
+        speeds
+            .par_iter()
+            .map(|(plants, inversion)| {
+                let mut best: Option<(f64, usize)> = None;
+                for scale in START_SCALES {
+                    let mut g = GainSet::default();
+                    for (channel, spec) in &self.channels {
+                        let delay = equivalent_delay(
+                            &plants[0],
+                            inversion,
+                            channel.axis(),
+                            &self.hardware,
+                        )?;
+                        g[channel.index()] =
+                            start_gains(*channel, delay / scale, spec.integral_ratio);
+                    }
+                    let mut inner = g;
+                    inner[Channel::Vx.index()] = ChannelGains::default();
+                    inner[Channel::Vy.index()] = ChannelGains::default();
+                    let worst = self
+                        .growths(plants, inversion, &inner)
+                        .into_iter()
+                        .enumerate()
+                        .max_by(|a, b| a.1.total_cmp(&b.1));
+                    let Some((model, growth)) = worst else { continue };
+                    if growth < START_GROWTH {
+                        return Ok(g);
+                    }
+                    if best.is_none_or(|b| growth < b.0) {
+                        best = Some((growth, model));
+                    }
+                }
+                let (growth, model) = best.unwrap_or((f64::NAN, 0));
+                Err(TuningError::Unstabilisable {
+                    model: self.set.models[model].name.clone(),
+                    speed: plants[0].speed,
+                    growth,
+                })
+            })
+            .collect()
+    }
+
+    /// Largest real part of the closed loop of each model at one speed.
+    fn growths(&self, plants: &[Plant], inversion: &Inversion, gains: &GainSet) -> Vec<f64> {
+        plants
+            .iter()
+            .zip(&self.set.models)
+            .map(|(plant, model)| {
+                stability::closed_loop_eigenvalues(
+                    plant,
+                    inversion,
+                    &self.settings,
+                    &self.hardware,
+                    model.extra_delay,
+                    gains,
+                    stability::PADE_ORDER,
+                )
+                .map_or(f64::NAN, |e| stability::growth(&e))
+            })
+            .collect()
+    }
+
+    /// Halves outer gains at each speed until the loop around the tuned inner
+    /// one is stable.
+    fn slow_down_outer(
+        &self,
+        run: &Run,
+        inversions: &[Inversion],
+        group: &[(Channel, ChannelSpec)],
+        gains: &mut [GainSet],
+    ) {
+        gains.par_iter_mut().enumerate().for_each(|(v, g)| {
+            for _ in 0..8 {
+                let worst = self
+                    .growths(&self.set.plants[v], &inversions[v], g)
+                    .into_iter()
+                    .fold(f64::NEG_INFINITY, f64::max);
+                if worst < START_GROWTH || !run.speeds[v].is_finite() {
+                    return;
+                }
+                for (c, _) in group {
+                    let k = &mut g[c.index()];
+                    *k = ChannelGains::new(k.k_d, 0.5 * k.k_p, 0.25 * k.k_i);
+                }
+            }
+        });
+    }
+
+    /// Tunes from `start`, one gain set a speed, or from gains that the
+    /// equivalent delay of the plants suggests.
+    pub fn tune(&self, start: Option<&[GainSet]>) -> Result<Tuning, TuningError> {
+        if self.channels.is_empty() {
+            return Err(TuningError::Empty("no axis is named"));
+        }
+        if self.set.plants.is_empty() || self.set.models.is_empty() {
+            return Err(TuningError::Empty("no speed or no model is given"));
+        }
+        let clock = Instant::now();
+        let speeds = self.set.speeds();
+        let classes: Vec<ModelClass> = self.set.models.iter().map(|m| m.class).collect();
+        let inversions: Vec<Inversion> =
+            self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
+        let grid = self.grid();
+        let models = self.loop_models(&inversions, &grid)?;
+        let mut stats =
+            TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
+        let run =
+            Run { classes: &classes, models: &models, speeds: &speeds, options: &self.options };
+        let mut gains = match start {
+            Some(start) => start.to_vec(),
+            None => self.starts(&inversions)?,
+        };
+        for (g, v) in gains.iter_mut().zip(&speeds) {
+            for (channel, spec) in &self.channels {
+                if !spec.applies(*v) {
+                    g[channel.index()] = ChannelGains::default();
+                }
+            }
+        }
+        // The inner loops by themselves, then the outer ones around them, with
+        // the effector cut among their requirements.
+        let outer_start = gains.clone();
+        for g in &mut gains {
+            for c in Channel::ALL.into_iter().filter(|c| c.is_outer()) {
+                g[c.index()] = ChannelGains::default();
+            }
+        }
+        let (outer, inner): (Vec<_>, Vec<_>) =
+            self.channels.iter().copied().partition(|c| c.0.is_outer());
+        let (mut merits, mut sweeps, mut last_change) = (Vec::new(), 0, 0.0f64);
+        for (group, is_outer) in [(inner, false), (outer, true)] {
+            if group.is_empty() {
+                continue;
+            }
+            if is_outer {
+                for (g, s) in gains.iter_mut().zip(&outer_start) {
+                    for (c, _) in &group {
+                        g[c.index()] = s[c.index()];
+                    }
+                }
+                self.slow_down_outer(&run, &inversions, &group, &mut gains);
+            }
+            let done = run.sweeps(&group, &mut gains, &mut stats)?;
+            merits.extend(done.merits);
+            sweeps = sweeps.max(done.sweeps);
+            last_change = last_change.max(done.last_change);
+        }
+        Ok(Tuning { speeds, gains, inversions, merits, sweeps, last_change, stats })
+    }
+}
+
+/// Starting bandwidths tried, relative to what the equivalent delay suggests.
+const START_SCALES: [f64; 5] = [1.0, 0.7, 1.3, 0.5, 1.7];
+/// Largest real part that still counts as stable, 1/s: a heading or position
+/// mode at zero is not a divergence.
+pub const START_GROWTH: f64 = 1e-6;
+
+/// Delay that the hardware and the full-order plant add to the reduced model in
+/// an axis, s: the phase between the two responses of ν to the output's rate,
+/// divided by frequency, at about the frequency where it matters (0.4/τ).
+pub fn equivalent_delay(
+    plant: &Plant,
+    inversion: &Inversion,
+    axis: Axis,
+    hardware: &Hardware,
+) -> Result<f64, TuningError> {
+    let full = FrequencyModel::new(plant, *hardware, 0.0)?;
+    let mut reduced_plant = plant.clone();
+    reduced_plant.a = DMatrix::from_iterator(8, 8, plant.reduced_a.iter().copied());
+    reduced_plant.b = DMatrix::from_iterator(8, 4, plant.reduced_b.iter().copied());
+    reduced_plant.measured = std::array::from_fn(|k| k);
+    let reduced = FrequencyModel::new(&reduced_plant, *hardware, 0.0)?;
+    let i = axis.index();
+    let response = |model: &FrequencyModel, w: f64| {
+        let x = model.states(w);
+        (0..8).fold(C::new(0.0, 0.0), |sum, k| {
+            let column =
+                (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.decoupling[(j, i)]);
+            sum + column * inversion.outputs[(i, k)]
+        })
+    };
+    let mut delay = hardware.equivalent_delay().max(0.01);
+    for _ in 0..4 {
+        let w = 0.4 / delay;
+        let extra = response(&full, w) / response(&reduced, w);
+        let path = hardware.response(w, 0.0);
+        // Phase of hardware and of what the reduced model leaves out.
+        delay = (-(path.arg() + extra.arg()) / w).clamp(0.01, 1.0);
+    }
+    if !delay.is_finite() {
+        return Err(TuningError::NotFinite { model: "nominal".into(), speed: plant.speed });
+    }
+    Ok(delay)
+}
+
+/// Sweeps end when no gain changes by more than this fraction.
+const SWEEP_TOLERANCE: f64 = 0.02;
+
+/// Largest relative change of a gain.
+fn change(a: &[GainSet], b: &[GainSet]) -> f64 {
+    let mut worst = 0.0f64;
+    for (a, b) in a.iter().zip(b) {
+        for (a, b) in a.iter().zip(b) {
+            for (a, b) in a.array().into_iter().zip(b.array()) {
+                worst = worst.max((b - a).abs() / (a.abs() + 1e-2));
+            }
+        }
+    }
+    worst
+}
+
+/// Starting gains from an equivalent delay: K_D = 0.33/τ, K_P = 0.05/τ² and
+/// K_I at a fifth of K_P for an attitude; the same K_P, K_I one order lower
+/// for a rate or velocity. `ratio` bounds K_I/K_P.
+pub fn start_gains(channel: Channel, delay: f64, ratio: [f64; 2]) -> ChannelGains {
+    if channel.is_outer() {
+        // A quarter of the inner loop's bandwidth.
+        let k_p = 0.05 / delay;
+        return ChannelGains::new(0.0, k_p, k_p * 0.05f64.clamp(ratio[0], ratio[1]));
+    }
+    let (first, second) = (0.33 / delay, 0.05 / (delay * delay));
+    match channel {
+        Channel::Roll | Channel::Pitch => {
+            ChannelGains::new(first, second, second * 0.2f64.clamp(ratio[0], ratio[1]))
+        }
+        _ => ChannelGains::new(0.0, first, first * (second / first).clamp(ratio[0], ratio[1])),
+    }
+}
+
+/// Whether a status needs telling: kept beside the solver for the report.
+pub fn status_note(status: Status) -> Option<&'static str> {
+    match status {
+        Status::Solved => None,
+        Status::AlmostSolved => Some("solved to reduced accuracy"),
+        Status::Infeasible => Some("infeasible"),
+        Status::Unbounded => Some("unbounded"),
+        Status::IterationLimit => Some("stopped at the iteration limit"),
+        Status::NumericalFailure => Some("failed numerically"),
+    }
+}

@@ -1,0 +1,546 @@
+//! From checked tables to the problem, with the checks that join several keys.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::units::{Kind, System};
+
+use super::read::{CheckedTable, nearest_help};
+use super::report::Severity;
+use super::source::Place;
+use super::*;
+
+/// Tip Mach number beyond which a file is taken to be mistaken.
+const TIP_MACH_LIMIT: f64 = 1.2;
+/// Tip Mach number beyond which airfoil tables and theory are doubtful.
+const TIP_MACH_WARNING: f64 = 0.95;
+/// Relative slack of the triangle inequality, for printed, rounded inertias.
+const TRIANGLE_SLACK: f64 = 1e-9;
+
+/// What the builder needs of the loader.
+pub(super) trait Host {
+    fn finding(
+        &mut self,
+        severity: Severity,
+        place: &Place,
+        key: &str,
+        message: String,
+        help: String,
+    );
+    fn airfoil(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<AirfoilTable>>;
+    fn fuselage(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<FuselageTable>>;
+}
+
+/// Builds the problem; `None` where an error has been reported.
+pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -> Option<Problem> {
+    let mass = root.table("mass").and_then(|table| mass(host, table));
+    let atmosphere = root.table("atmosphere").and_then(|table| {
+        Some(AtmosphereConditions {
+            altitude: table.number("altitude")?,
+            temperature_offset: table.number("temperature_offset")?,
+        })
+    });
+    names(host, root);
+    let fuselages: Vec<_> =
+        root.named("fuselages").iter().map(|(name, table)| fuselage(host, name, table)).collect();
+    let rotor_tables = root.named("rotors");
+    if rotor_tables.is_empty() && root.given("rotors") && !lenient {
+        host.finding(
+            Severity::Error,
+            root.place("rotors"),
+            "rotors",
+            "there is no rotor".into(),
+            "add at least one, such as [rotors.main]".into(),
+        );
+    }
+    let rotors: Vec<_> = rotor_tables
+        .iter()
+        .map(|(name, table)| rotor(host, name, table, atmosphere.as_ref()))
+        .collect();
+    hubs(host, &rotors, rotor_tables);
+    blades(host, mass.as_ref(), &rotors, root);
+    let wings: Vec<_> =
+        root.named("wings").iter().map(|(name, table)| wing(host, name, table)).collect();
+    let inflow = root.table("inflow").and_then(inflow);
+    let rotor_names: Vec<&str> = rotor_tables.iter().map(|(name, _)| name.as_str()).collect();
+    let controls =
+        root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
+    Some(Problem {
+        name: root.text("name")?.into(),
+        description: root.text("description")?.into(),
+        mass: mass?,
+        atmosphere: atmosphere?,
+        fuselages: fuselages.into_iter().collect::<Option<_>>()?,
+        rotors: rotors.into_iter().collect::<Option<_>>()?,
+        wings: wings.into_iter().collect::<Option<_>>()?,
+        inflow: inflow?,
+        controls: controls?,
+    })
+}
+
+fn station(table: &CheckedTable) -> Option<Station> {
+    Some(Station {
+        fuselage_station: table.number("fuselage_station")?,
+        butt_line: table.number("butt_line")?,
+        water_line: table.number("water_line")?,
+    })
+}
+
+fn mass(host: &mut dyn Host, table: &CheckedTable) -> Option<MassProperties> {
+    let center_of_gravity = table.table("center_of_gravity").and_then(station);
+    let mass = MassProperties {
+        mass: table.number("mass")?,
+        i_xx: table.number("i_xx")?,
+        i_yy: table.number("i_yy")?,
+        i_zz: table.number("i_zz")?,
+        i_xz: table.number("i_xz")?,
+        i_xy: table.number("i_xy")?,
+        i_yz: table.number("i_yz")?,
+        center_of_gravity: center_of_gravity?,
+    };
+    let tensor = nalgebra::Matrix3::new(
+        mass.i_xx, -mass.i_xy, -mass.i_xz, //
+        -mass.i_xy, mass.i_yy, -mass.i_yz, //
+        -mass.i_xz, -mass.i_yz, mass.i_zz,
+    );
+    // The entries are finite and bounded, so the iteration ends.
+    let mut principal: [f64; 3] = tensor.symmetric_eigenvalues().into();
+    principal.sort_by(f64::total_cmp);
+    let shown = principal.map(|moment| {
+        let value = Kind::Inertia.from_si(moment, System::Us);
+        format!("{value:.1}")
+    });
+    let fault = if principal[0] <= 0.0 {
+        "the inertia tensor is not positive definite"
+    } else if principal[0] + principal[1] < principal[2] * (1.0 - TRIANGLE_SLACK) {
+        "no body has this inertia: one principal moment is larger than the sum of the others"
+    } else {
+        return Some(mass);
+    };
+    host.finding(
+        Severity::Error,
+        table.place("i_xx"),
+        &table.path,
+        format!("{fault} (principal moments {} slug ft^2)", shown.join(", ")),
+        "check the moments and products, their units and their signs, such as \
+         i_xx = \"446 slug ft^2\""
+            .into(),
+    );
+    None
+}
+
+/// Every body has a name of its own, since results are filed by name.
+fn names(host: &mut dyn Host, root: &CheckedTable) {
+    let mut seen: Vec<(&str, String)> = Vec::new();
+    for kind in ["fuselages", "rotors", "wings"] {
+        for (name, table) in root.named(kind) {
+            if let Some((_, other)) = seen.iter().find(|(known, _)| known == name) {
+                host.finding(
+                    Severity::Error,
+                    &table.place,
+                    &table.path,
+                    format!("`{other}` has the same name"),
+                    format!("give one of them another name, such as [{kind}.{name}_2]"),
+                );
+            }
+            seen.push((name, table.path.clone()));
+        }
+    }
+}
+
+fn wash(table: &CheckedTable) -> Option<Wash> {
+    Some(match table.choice("wash")? {
+        "full" => Wash::Full,
+        "angle_only" => Wash::AngleOnly,
+        _ => Wash::None,
+    })
+}
+
+fn fuselage(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Fuselage> {
+    let aerodynamics = if let Some(path) = table.path("table") {
+        host.fuselage(path, table.place("table"), &table.key_path("table"))
+            .map(FuselageAerodynamics::Table)
+    } else {
+        table.table("flat_plate").and_then(|plate| {
+            Some(FuselageAerodynamics::FlatPlate {
+                area: plate.numbers("area")?,
+                drag_coefficient: plate.numbers("drag_coefficient")?,
+            })
+        })
+    };
+    Some(Fuselage {
+        name: name.into(),
+        position: table.table("position").and_then(station)?,
+        aerodynamics: aerodynamics?,
+        wash: wash(table)?,
+    })
+}
+
+fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
+    if let Some(path) = table.path("table") {
+        let read = host.airfoil(path, table.place("table"), &table.key_path("table"));
+        return read.map(Airfoil::Table);
+    }
+    Some(Airfoil::Analytic {
+        lift_slope: table.number("lift_slope")?,
+        zero_lift_angle: table.number("zero_lift_angle")?,
+        drag: table.number("drag")?,
+    })
+}
+
+/// Speed of sound of the standard troposphere, m/s, for the check of tip
+/// speeds.
+fn speed_of_sound(atmosphere: &AtmosphereConditions) -> f64 {
+    let temperature = 288.15 - 0.0065 * atmosphere.altitude + atmosphere.temperature_offset;
+    (1.4 * 287.052_87 * temperature).sqrt()
+}
+
+fn rotor(
+    host: &mut dyn Host,
+    name: &str,
+    table: &CheckedTable,
+    atmosphere: Option<&AtmosphereConditions>,
+) -> Option<Rotor> {
+    let position = table.table("position").and_then(station);
+    let section = table.table("airfoil").and_then(|table| airfoil(host, table));
+    let mut sound = true;
+    let mut fault = |key: &str, message: String, help: String| {
+        let path = table.key_path(key);
+        host.finding(Severity::Error, table.place(key), &path, message, help);
+        sound = false;
+    };
+    let hub = table.choice("hub");
+    if let (Some("teetering"), Some(count)) = (hub, table.count("blades"))
+        && count != 2
+    {
+        fault(
+            "blades",
+            format!("a teetering hub has two blades, not {count}"),
+            "write blades = 2, or hub = \"rigid\"".into(),
+        );
+    }
+    if let (Some(cutout), Some(tip)) = (table.number("root_cutout"), table.number("tip_loss"))
+        && cutout >= tip
+    {
+        fault(
+            "root_cutout",
+            format!("nothing is left of the blade between root cutout {cutout} and tip loss {tip}"),
+            "write a root cutout below the tip-loss factor, such as root_cutout = 0.1".into(),
+        );
+    }
+    if let (Some(radius), Some(speed), Some(atmosphere)) =
+        (table.number("radius"), table.number("speed"), atmosphere)
+    {
+        let mach = radius * speed / speed_of_sound(atmosphere);
+        if mach > TIP_MACH_LIMIT {
+            fault(
+                "speed",
+                format!("the blade tips would move at Mach {mach:.2}"),
+                format!(
+                    "check `radius` and `speed` and their units, such as speed = \"47.65 rad/s\"; \
+                     the tip Mach number must be at most {TIP_MACH_LIMIT}"
+                ),
+            );
+        }
+    }
+    if let (Some(mass), Some(first), Some(radius)) =
+        (table.number("blade_mass"), table.number("blade_first_moment"), table.number("radius"))
+        && first > mass * radius
+    {
+        fault(
+            "blade_first_moment",
+            "the centre of mass of the blade would lie beyond its tip".into(),
+            format!(
+                "write at most blade_mass × radius, which is {:.4} slug ft",
+                Kind::FirstMoment.from_si(mass * radius, System::Us)
+            ),
+        );
+    }
+    if !sound {
+        return None;
+    }
+    rotor_warnings(host, table, atmosphere);
+    let hub_kind = match hub? {
+        "teetering" => HubKind::Teetering {
+            undersling: table.number("undersling")?,
+            spring: table.number("teeter_spring")?,
+            delta_3: table.number("delta_3")?,
+        },
+        _ => HubKind::Rigid,
+    };
+    let governor = match table.table("governor") {
+        Some(governor) => Some(Governor { time_constant: governor.number("time_constant")? }),
+        None => None,
+    };
+    Some(Rotor {
+        name: name.into(),
+        hub: position?,
+        cant: table.number("cant")?,
+        tilt: table.number("tilt")?,
+        direction: match table.choice("direction")? {
+            "clockwise" => Direction::Clockwise,
+            _ => Direction::CounterClockwise,
+        },
+        blades: table.count("blades")?,
+        radius: table.number("radius")?,
+        chord: table.spanwise("chord")?,
+        twist: table.spanwise("twist")?,
+        root_cutout: table.number("root_cutout")?,
+        tip_loss: table.number("tip_loss")?,
+        elements: table.count("elements")?,
+        airfoil: section?,
+        precone: table.number("precone")?,
+        blade_mass: table.number("blade_mass")?,
+        blade_first_moment: table.number("blade_first_moment")?,
+        blade_second_moment: table.number("blade_second_moment")?,
+        hub_kind,
+        teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
+        swashplate_phase: table.number("swashplate_phase")?,
+        speed: table.number("speed")?,
+        azimuth_offset: table.number("azimuth_offset")?,
+        governor,
+    })
+}
+
+fn rotor_warnings(
+    host: &mut dyn Host,
+    table: &CheckedTable,
+    atmosphere: Option<&AtmosphereConditions>,
+) {
+    let mut warn = |key: &str, message: String, help: String| {
+        let path = table.key_path(key);
+        host.finding(Severity::Warning, table.place(key), &path, message, help);
+    };
+    if let (Some(mass), Some(first), Some(second)) = (
+        table.number("blade_mass"),
+        table.number("blade_first_moment"),
+        table.number("blade_second_moment"),
+    ) && mass * second < first * first
+    {
+        warn(
+            "blade_first_moment",
+            "no distribution of mass has these moments: m_b I_β is below M_β²".into(),
+            format!(
+                "with this mass and second moment the first moment is at most {:.4} slug ft; \
+                 the value is used as given",
+                Kind::FirstMoment.from_si((mass * second).sqrt(), System::Us)
+            ),
+        );
+    }
+    if let (Some(radius), Some(speed), Some(atmosphere)) =
+        (table.number("radius"), table.number("speed"), atmosphere)
+    {
+        let mach = radius * speed / speed_of_sound(atmosphere);
+        if mach > TIP_MACH_WARNING {
+            warn(
+                "speed",
+                format!("the blade tips move at Mach {mach:.2} in hover"),
+                "airfoil tables and the theory are doubtful there".into(),
+            );
+        }
+    }
+    if table.choice("hub") == Some("rigid") {
+        for key in ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt"] {
+            if table.given(key) {
+                warn(
+                    key,
+                    "has no meaning for a rigid hub, and is ignored".into(),
+                    "remove it, or write hub = \"teetering\"".into(),
+                );
+            }
+        }
+    }
+}
+
+/// Hubs must stand apart: the wake of one acts on the disk of the other.
+fn hubs(host: &mut dyn Host, rotors: &[Option<Rotor>], tables: &[(String, CheckedTable)]) {
+    for (index, (rotor, (_, table))) in rotors.iter().zip(tables).enumerate() {
+        let Some(rotor) = rotor else { continue };
+        for other in rotors[..index].iter().flatten() {
+            if other.hub == rotor.hub {
+                host.finding(
+                    Severity::Error,
+                    table.place("position"),
+                    &table.key_path("position"),
+                    format!("the hub of `{}` stands at the same point", other.name),
+                    "move one of them, such as position = { fuselage_station = \"0 ft\", \
+                     water_line = \"4.52 ft\" }"
+                        .into(),
+                );
+            }
+        }
+    }
+}
+
+/// The blades cannot outweigh the aircraft that they are a part of.
+fn blades(
+    host: &mut dyn Host,
+    mass: Option<&MassProperties>,
+    rotors: &[Option<Rotor>],
+    root: &CheckedTable,
+) {
+    let Some(mass) = mass else { return };
+    let blades: f64 =
+        rotors.iter().flatten().map(|rotor| rotor.blade_mass * rotor.blades as f64).sum();
+    if blades >= mass.mass
+        && let Some(table) = root.table("mass")
+    {
+        host.finding(
+            Severity::Error,
+            table.place("mass"),
+            &table.key_path("mass"),
+            format!(
+                "the blades alone have a mass of {:.4} lb",
+                Kind::Mass.from_si(blades, System::Us)
+            ),
+            "write the gross mass, blades included, such as mass = \"992 lb\"".into(),
+        );
+    }
+}
+
+fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
+    let position = table.table("aerodynamic_center").and_then(station);
+    let model = if let Some(strips) = table.table("strips") {
+        let section = strips.table("airfoil").and_then(|table| airfoil(host, table));
+        section.and_then(|airfoil| {
+            Some(WingModel::Elements {
+                elements: strips.count("count")?,
+                airfoil,
+                induced_angle: strips.flag("induced_angle")?,
+            })
+        })
+    } else {
+        table.table("finite").and_then(|finite| {
+            Some(WingModel::Finite {
+                lift_slope: finite.number("lift_slope")?,
+                zero_lift_angle: finite.number("zero_lift_angle")?,
+                parasite_drag: finite.number("parasite_drag")?,
+                oswald: finite.number("oswald")?,
+                stall_angle: finite.number("stall_angle")?,
+            })
+        })
+    };
+    Some(Wing {
+        name: name.into(),
+        aerodynamic_center: position?,
+        span: table.number("span")?,
+        chord: table.spanwise("chord")?,
+        incidence: table.number("incidence")?,
+        cant: table.number("cant")?,
+        dihedral: table.number("dihedral")?,
+        model: model?,
+        wash: wash(table)?,
+    })
+}
+
+fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
+    let bandwidth = table.number("lowpass_bandwidth");
+    Some(InflowOptions {
+        interactions: table.flag("interactions")?,
+        mass_flow: match table.choice("mass_flow")? {
+            "total" => MassFlow::Total,
+            _ => MassFlow::SelfInduced,
+        },
+        total_inflow: match table.choice("total_inflow")? {
+            "lowpass" => TotalInflow::LowPass { bandwidth: bandwidth? },
+            _ => TotalInflow::Algebraic,
+        },
+        interference_rule: match table.choice("interference_rule")? {
+            "coarse" => InterferenceRule::Coarse,
+            _ => InterferenceRule::Converged,
+        },
+        wash_core: table.number("wash_core")?,
+    })
+}
+
+fn controls(
+    host: &mut dyn Host,
+    table: &CheckedTable,
+    rotors: &[&str],
+    lenient: bool,
+) -> Option<Controls> {
+    let mixes = table.named("mix");
+    for (name, mix) in mixes {
+        if !rotors.contains(&name.as_str()) && !rotors.is_empty() {
+            let help = nearest_help(name, rotors.iter().copied(), "rotors");
+            host.finding(
+                Severity::Error,
+                &mix.place,
+                &mix.path,
+                format!("there is no rotor `{name}`"),
+                help,
+            );
+        }
+    }
+    let mut mix = Vec::new();
+    let mut collective_limits = Vec::new();
+    let mut cyclic_limits = Vec::new();
+    let mut whole = true;
+    for rotor in rotors {
+        let Some((_, entry)) = mixes.iter().find(|(name, _)| name == rotor) else {
+            if !lenient && table.given("mix") {
+                host.finding(
+                    Severity::Error,
+                    table.place("mix"),
+                    &table.key_path(&format!("mix.{rotor}")),
+                    "missing key: every rotor needs a mix".into(),
+                    format!(
+                        "add [controls.mix.{rotor}], with keys such as \
+                         theta_0 = {{ col = \"20 deg/100%\" }}"
+                    ),
+                );
+            }
+            whole = false;
+            continue;
+        };
+        match (rotor_mix(entry), entry.numbers("collective_limits"), entry.numbers("cyclic_limits"))
+        {
+            (Some(one), Some(collective), Some(cyclic)) => {
+                if [one.theta_0, one.theta_1c, one.theta_1s]
+                    .iter()
+                    .flatten()
+                    .all(|gearing| *gearing == 0.0)
+                {
+                    host.finding(
+                        Severity::Warning,
+                        &entry.place,
+                        &entry.path,
+                        "no stick moves the blades of this rotor".into(),
+                        "add a gearing, such as theta_0 = { col = \"20 deg/100%\" }".into(),
+                    );
+                }
+                mix.push(one);
+                collective_limits.push(collective);
+                cyclic_limits.push(cyclic);
+            }
+            _ => whole = false,
+        }
+    }
+    let mut stick_limits = [[0.0; 2]; 4];
+    for (limits, stick) in stick_limits.iter_mut().zip(STICKS) {
+        *limits = table.table(stick)?.numbers("limits")?;
+    }
+    whole.then_some(Controls { stick_limits, mix, collective_limits, cyclic_limits })
+}
+
+fn rotor_mix(table: &CheckedTable) -> Option<RotorMix> {
+    let gearing = |key: &str| -> Option<[f64; 4]> {
+        let table = table.table(key)?;
+        let mut values = [0.0; 4];
+        for (value, stick) in values.iter_mut().zip(STICKS) {
+            *value = table.number(stick)?;
+        }
+        Some(values)
+    };
+    let rigging = table.table("rigging")?;
+    Some(RotorMix {
+        theta_0: gearing("theta_0")?,
+        theta_1c: gearing("theta_1c")?,
+        theta_1s: gearing("theta_1s")?,
+        rigging: [
+            rigging.number("theta_0")?,
+            rigging.number("theta_1c")?,
+            rigging.number("theta_1s")?,
+        ],
+    })
+}

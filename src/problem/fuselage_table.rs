@@ -1,0 +1,142 @@
+//! Fuselage load tables as comma-separated text.
+
+use super::FuselageTable;
+use super::c81::TableError;
+use crate::units::{DEGREE, FOOT};
+
+/// Header of a table in feet; one in metres has `_m2` and `_m3`.
+const COLUMNS: [&str; 8] = ["alpha", "beta", "x", "y", "z", "l", "m", "n"];
+const HELP: &str = "the header is alpha_deg,beta_deg,x_ft2,y_ft2,z_ft2,l_ft3,m_ft3,n_ft3 \
+                    (or _m2 and _m3), and each line below it holds eight numbers";
+
+/// Reads loads per dynamic pressure on a grid of angle of attack and sideslip.
+///
+/// Rows may come in any order, but every pair of angles must appear once.
+///
+/// # Errors
+/// On the first line that does not follow the format, and on a grid that is
+/// not full or has fewer than two angles either way.
+pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
+    let fault = |line: usize, message: String| TableError { line, message, help: HELP.into() };
+    let mut scale = None;
+    let mut rows: Vec<([f64; 8], usize)> = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| {
+            let line = error.position().map_or(1, |at| at.line() as usize);
+            fault(line, "the line cannot be read".into())
+        })?;
+        let line = record.position().map_or(1, |at| at.line() as usize);
+        let Some(scale) = scale else {
+            let header: Vec<&str> = record.iter().collect();
+            let is = |area: &str, volume: &str| {
+                header.len() == 8
+                    && header.iter().zip(COLUMNS).enumerate().all(|(index, (have, name))| {
+                        let unit = match index {
+                            0 | 1 => "deg",
+                            2..=4 => area,
+                            _ => volume,
+                        };
+                        *have == format!("{name}_{unit}")
+                    })
+            };
+            scale = if is("ft2", "ft3") {
+                Some(FOOT)
+            } else if is("m2", "m3") {
+                Some(1.0)
+            } else {
+                return Err(fault(line, "the header is not as it should be".into()));
+            };
+            continue;
+        };
+        if record.len() != 8 {
+            return Err(fault(line, format!("{} values where 8 are expected", record.len())));
+        }
+        let mut row = [0.0; 8];
+        for (index, (field, value)) in record.iter().zip(&mut row).enumerate() {
+            let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
+            let number =
+                number.ok_or_else(|| fault(line, format!("`{field}` is not a finite number")))?;
+            *value = number
+                * match index {
+                    0 | 1 => DEGREE,
+                    2..=4 => scale * scale,
+                    _ => scale * scale * scale,
+                };
+        }
+        if rows.iter().any(|(other, _)| other[..2] == row[..2]) {
+            return Err(fault(line, "this pair of angles has been given before".into()));
+        }
+        rows.push((row, line));
+    }
+    let axis = |index: usize| {
+        let mut angles: Vec<f64> = rows.iter().map(|(row, _)| row[index]).collect();
+        angles.sort_by(f64::total_cmp);
+        angles.dedup();
+        angles
+    };
+    let (angle_of_attack, sideslip) = (axis(0), axis(1));
+    let last = rows.last().map_or(1, |(_, line)| *line);
+    if angle_of_attack.len() < 2 || sideslip.len() < 2 {
+        return Err(fault(last, "fewer than two angles of attack or of sideslip".into()));
+    }
+    if rows.len() != angle_of_attack.len() * sideslip.len() {
+        return Err(fault(
+            last,
+            format!(
+                "{} rows cannot fill a grid of {} angles of attack and {} of sideslip",
+                rows.len(),
+                angle_of_attack.len(),
+                sideslip.len()
+            ),
+        ));
+    }
+    rows.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    Ok(FuselageTable {
+        angle_of_attack,
+        sideslip,
+        loads: std::array::from_fn(|load| rows.iter().map(|(row, _)| row[load + 2]).collect()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "alpha_deg,beta_deg,x_ft2,y_ft2,z_ft2,l_ft3,m_ft3,n_ft3\n";
+
+    #[test]
+    fn rows_of_any_order_fill_the_grid() {
+        let text = format!(
+            "{HEADER}10,-5,1,2,3,4,5,6\n0,-5,7,8,9,10,11,12\n\n# a remark\n0,5,1,1,1,1,1,1\n\
+             10,5,2,2,2,2,2,2\n"
+        );
+        let table = parse(&text).unwrap();
+        assert_eq!(table.angle_of_attack, [0.0, 10.0 * DEGREE]);
+        assert_eq!(table.sideslip, [-5.0 * DEGREE, 5.0 * DEGREE]);
+        let square = FOOT * FOOT;
+        assert_eq!(table.loads[0], [7.0 * square, square, square, 2.0 * square]);
+        let cube = square * FOOT;
+        assert_eq!(table.loads[5][2], 6.0 * cube);
+    }
+
+    #[test]
+    fn faults_name_their_line() {
+        for (body, line) in [
+            ("0,0,1,1,1,1,1\n", 2),
+            ("0,0,1,1,1,1,1,1\n0,0,1,1,1,1,1,1\n", 3),
+            ("0,0,1,1,1,1,1,x\n", 2),
+            ("0,0,1,1,1,1,1,inf\n", 2),
+            ("0,0,1,1,1,1,1,1\n1,1,1,1,1,1,1,1\n2,0,1,1,1,1,1,1\n", 4),
+            ("", 1),
+        ] {
+            assert_eq!(parse(&format!("{HEADER}{body}")).unwrap_err().line, line, "{body}");
+        }
+        assert_eq!(parse("alpha,beta\n").unwrap_err().line, 1);
+    }
+}

@@ -1,0 +1,758 @@
+//! The one description of the problem format.
+//!
+//! Reading, the reference page and the JSON Schema are all driven by
+//! [`ROOT`], so that they cannot disagree. To add a key, add it here and use
+//! it in `build.rs`.
+
+use crate::units::Kind;
+
+/// A table of the format.
+#[derive(Debug)]
+pub struct Table {
+    /// What the table is, as full sentences.
+    pub doc: &'static str,
+    /// Its keys, in the order of the reference page.
+    pub keys: &'static [Key],
+    /// Groups of keys that exclude one another. Exactly one group must be
+    /// used; the required keys of the others are then not required.
+    pub alternatives: &'static [&'static [&'static str]],
+}
+
+/// A key of a table.
+#[derive(Debug)]
+pub struct Key {
+    /// Spelling in the file.
+    pub name: &'static str,
+    /// What may stand there.
+    pub value: Value,
+    /// Whether it must stand there.
+    pub need: Need,
+    /// Meaning, sign and source, as full sentences.
+    pub doc: &'static str,
+}
+
+/// Whether a key must be given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// It must.
+    Required,
+    /// It need not: this TOML value stands for it.
+    Default(&'static str),
+    /// It need not; what its absence means.
+    Optional(&'static str),
+}
+
+/// Bounds of a number, each written as in a file, unit included.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    /// Lower bound, and whether the bound itself is allowed.
+    pub low: Option<(&'static str, bool)>,
+    /// Upper bound, and whether the bound itself is allowed.
+    pub high: Option<(&'static str, bool)>,
+}
+
+/// What may stand at a key.
+#[derive(Debug)]
+pub enum Value {
+    /// Any text but an empty one.
+    Text,
+    /// Path of a file, relative to the file that names it.
+    Path,
+    /// `true` or `false`.
+    Bool,
+    /// A whole number within bounds, both included.
+    Count(usize, usize),
+    /// A number without a unit.
+    Number(Bounds),
+    /// A number with its unit.
+    Quantity(Kind, Bounds),
+    /// As many numbers without units.
+    Numbers(usize, Bounds),
+    /// As many numbers with their units.
+    Quantities(usize, Kind, Bounds),
+    /// A lower and an upper limit, with their units.
+    Limits(Kind, Bounds),
+    /// One of some words, each with its meaning.
+    Choice(&'static [(&'static str, &'static str)]),
+    /// Constant along the span, or `{ station = [..], value = [..] }`.
+    Spanwise(Kind, Bounds),
+    /// As [`Value::Spanwise`], but a single quantity is the value at the tip
+    /// of a straight line from zero at the shaft axis.
+    SpanwiseFromZero(Kind, Bounds),
+    /// A table.
+    Table(&'static Table),
+    /// Tables of the same form under names of the user's choice; what one of
+    /// them is called.
+    Named(&'static Table, &'static str),
+}
+
+/// Where a merge of two files stands in the format.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Level {
+    /// In a table with known keys.
+    Keys(&'static Table),
+    /// Among tables with names of the user's choice.
+    Names(&'static Table),
+}
+
+impl Level {
+    pub fn below(self, name: &str) -> Option<Level> {
+        match self {
+            Level::Keys(table) => match table.key(name)?.value {
+                Value::Table(table) => Some(Level::Keys(table)),
+                Value::Named(table, _) => Some(Level::Names(table)),
+                _ => None,
+            },
+            Level::Names(table) => Some(Level::Keys(table)),
+        }
+    }
+}
+
+impl Table {
+    /// The key of a name.
+    pub fn key(&self, name: &str) -> Option<&'static Key> {
+        self.keys.iter().find(|key| key.name == name)
+    }
+}
+
+const fn required(name: &'static str, value: Value, doc: &'static str) -> Key {
+    Key { name, value, need: Need::Required, doc }
+}
+
+const fn default(
+    name: &'static str,
+    value: Value,
+    default: &'static str,
+    doc: &'static str,
+) -> Key {
+    Key { name, value, need: Need::Default(default), doc }
+}
+
+const fn optional(
+    name: &'static str,
+    value: Value,
+    without: &'static str,
+    doc: &'static str,
+) -> Key {
+    Key { name, value, need: Need::Optional(without), doc }
+}
+
+/// Both bounds allowed.
+const fn from_to(low: &'static str, high: &'static str) -> Bounds {
+    Bounds { low: Some((low, true)), high: Some((high, true)) }
+}
+
+/// The lower bound itself is not allowed.
+const fn above_to(low: &'static str, high: &'static str) -> Bounds {
+    Bounds { low: Some((low, false)), high: Some((high, true)) }
+}
+
+/// The upper bound itself is not allowed.
+const fn from_below(low: &'static str, high: &'static str) -> Bounds {
+    Bounds { low: Some((low, true)), high: Some((high, false)) }
+}
+
+/// Neither bound is allowed.
+const fn above_below(low: &'static str, high: &'static str) -> Bounds {
+    Bounds { low: Some((low, false)), high: Some((high, false)) }
+}
+
+/// A place on the drawing: no aircraft of interest is larger.
+const DRAWING: Bounds = from_to("-300 ft", "300 ft");
+
+/// Any angle within a turn either way.
+const TURN: Bounds = from_to("-360 deg", "360 deg");
+
+/// A point in drawing coordinates.
+pub static STATION: Table = Table {
+    doc: "A point in the drawing coordinates of the aircraft. The origin is free: only \
+          differences between points matter.",
+    keys: &[
+        required(
+            "fuselage_station",
+            Value::Quantity(Kind::Length, DRAWING),
+            "Distance along the fuselage, positive aft.",
+        ),
+        default(
+            "butt_line",
+            Value::Quantity(Kind::Length, DRAWING),
+            "\"0 ft\"",
+            "Distance from the plane of symmetry, positive to starboard.",
+        ),
+        required("water_line", Value::Quantity(Kind::Length, DRAWING), "Height, positive up."),
+    ],
+    alternatives: &[],
+};
+
+static MASS: Table = Table {
+    doc: "Mass, centre of gravity and inertia of the whole aircraft. The blades of each rotor \
+          count as a point mass at its hub.",
+    keys: &[
+        required(
+            "mass",
+            Value::Quantity(Kind::Mass, above_to("0 kg", "500000 kg")),
+            "Gross mass. A gross weight in `lb` or `lbf` is read as the mass that weighs it \
+             under standard gravity.",
+        ),
+        required("center_of_gravity", Value::Table(&STATION), "Centre of gravity."),
+        required(
+            "i_xx",
+            Value::Quantity(Kind::Inertia, INERTIA),
+            "Roll moment of inertia about the centre of gravity, body axes.",
+        ),
+        required("i_yy", Value::Quantity(Kind::Inertia, INERTIA), "Pitch moment of inertia."),
+        required("i_zz", Value::Quantity(Kind::Inertia, INERTIA), "Yaw moment of inertia."),
+        default(
+            "i_xz",
+            Value::Quantity(Kind::Inertia, PRODUCT),
+            "\"0 slug ft^2\"",
+            "Product of inertia ∫xz dm; it enters the tensor as -I_xz.",
+        ),
+        default(
+            "i_xy",
+            Value::Quantity(Kind::Inertia, PRODUCT),
+            "\"0 slug ft^2\"",
+            "Product of inertia ∫xy dm.",
+        ),
+        default(
+            "i_yz",
+            Value::Quantity(Kind::Inertia, PRODUCT),
+            "\"0 slug ft^2\"",
+            "Product of inertia ∫yz dm.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+const INERTIA: Bounds = above_to("0 slug ft^2", "100000000 slug ft^2");
+const PRODUCT: Bounds = from_to("-100000000 slug ft^2", "100000000 slug ft^2");
+
+static ATMOSPHERE: Table = Table {
+    doc: "The air that the aircraft flies in: US Standard Atmosphere 1976.",
+    keys: &[
+        default(
+            "altitude",
+            Value::Quantity(Kind::Length, from_to("-2000 ft", "36000 ft")),
+            "\"0 ft\"",
+            "Geopotential pressure altitude.",
+        ),
+        default(
+            "temperature_offset",
+            Value::Quantity(Kind::TemperatureDifference, from_to("-60 K", "60 K")),
+            "\"0 K\"",
+            "Temperature above the standard day at the same pressure.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+const WASH: Value = Value::Choice(&[
+    ("none", "the rotors' wakes do nothing to it"),
+    ("full", "the induced velocity is added to the local velocity"),
+    (
+        "angle_only",
+        "the induced velocity turns the local flow, but the dynamic pressure stays that of the \
+         free stream",
+    ),
+]);
+
+static FLAT_PLATE: Table = Table {
+    doc: "Equivalent flat plates: on each body axis the force is -½ρ S C |u| u, with u the \
+          velocity along that axis.",
+    keys: &[
+        required(
+            "area",
+            Value::Quantities(3, Kind::Area, from_to("0 ft^2", "10000 ft^2")),
+            "Areas normal to the x, y and z body axes.",
+        ),
+        default(
+            "drag_coefficient",
+            Value::Numbers(3, from_to("0", "10")),
+            "[1.0, 1.0, 1.0]",
+            "Factors C on the three areas.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static FUSELAGE: Table = Table {
+    doc: "A fuselage body: `[fuselages.NAME]`, with a name of your choice.",
+    keys: &[
+        required("position", Value::Table(&STATION), "Where its forces act."),
+        optional(
+            "flat_plate",
+            Value::Table(&FLAT_PLATE),
+            "`table` is given instead",
+            "Forces of equivalent flat plates.",
+        ),
+        optional(
+            "table",
+            Value::Path,
+            "`flat_plate` is given instead",
+            "Comma-separated file of loads per dynamic pressure on a grid of angle of attack and \
+             sideslip. Its header is `alpha_deg,beta_deg,x_ft2,y_ft2,z_ft2,l_ft3,m_ft3,n_ft3`, or \
+             `_m2` and `_m3` for metres; forces and moments are in body axes, about `position`. \
+             Every pair of angles appears once.",
+        ),
+        default("wash", WASH, "\"none\"", "What the rotors' wakes do to it."),
+    ],
+    alternatives: &[&["flat_plate"], &["table"]],
+};
+
+static AIRFOIL: Table = Table {
+    doc: "Section aerodynamics: a C81 table, or a straight lift line with constant drag.",
+    keys: &[
+        optional(
+            "table",
+            Value::Path,
+            "the three keys below are given instead",
+            "C81 table of lift, drag and moment over angle of attack (-180° to 180°) and Mach \
+             number.",
+        ),
+        required(
+            "lift_slope",
+            Value::Quantity(Kind::PerAngle, above_to("0 1/rad", "20 1/rad")),
+            "Lift-curve slope a0.",
+        ),
+        default(
+            "zero_lift_angle",
+            Value::Quantity(Kind::Angle, from_to("-20 deg", "20 deg")),
+            "\"0 deg\"",
+            "Angle of attack without lift.",
+        ),
+        required("drag", Value::Number(from_to("0", "2")), "Drag coefficient δ."),
+    ],
+    alternatives: &[&["table"], &["lift_slope", "zero_lift_angle", "drag"]],
+};
+
+static GOVERNOR: Table = Table {
+    doc: "First-order rotor-speed governor: Ω' = (Ω_cmd - Ω)/τ.",
+    keys: &[required(
+        "time_constant",
+        Value::Quantity(Kind::Time, above_to("0 s", "1000 s")),
+        "Time constant τ.",
+    )],
+    alternatives: &[],
+};
+
+static ROTOR: Table = Table {
+    doc: "A rotor: `[rotors.NAME]`, with a name of your choice. At least one is needed. The \
+          order in the file is the order in every result.",
+    keys: &[
+        required(
+            "position",
+            Value::Table(&STATION),
+            "Hub: the teeter hinge, or the shaft end of a rigid rotor.",
+        ),
+        default(
+            "cant",
+            Value::Quantity(Kind::Angle, from_to("-180 deg", "180 deg")),
+            "\"0 deg\"",
+            "Shaft cant φ_m, positive right side down.",
+        ),
+        default(
+            "tilt",
+            Value::Quantity(Kind::Angle, from_to("-180 deg", "180 deg")),
+            "\"0 deg\"",
+            "Shaft tilt β_m, positive aft.",
+        ),
+        required(
+            "direction",
+            Value::Choice(&[
+                ("counter-clockwise", "the frame of the theory"),
+                ("clockwise", "the mirrored frame"),
+            ]),
+            "Direction of rotation, seen from above.",
+        ),
+        required("blades", Value::Count(1, 12), "Number of blades N_b."),
+        required("radius", Value::Quantity(Kind::Length, above_to("0 ft", "200 ft")), "Radius R."),
+        required("chord", Value::Spanwise(Kind::Length, above_to("0 ft", "20 ft")), "Blade chord."),
+        default(
+            "twist",
+            Value::SpanwiseFromZero(Kind::Angle, from_to("-90 deg", "90 deg")),
+            "\"0 deg\"",
+            "Built-in twist, positive leading edge up.",
+        ),
+        default(
+            "root_cutout",
+            Value::Number(from_below("0", "1")),
+            "0.0",
+            "Where the lifting blade begins, as a fraction of R.",
+        ),
+        default(
+            "tip_loss",
+            Value::Number(above_to("0", "1")),
+            "1.0",
+            "Tip-loss factor B: no lift beyond B R. 1 for none.",
+        ),
+        default("elements", Value::Count(3, 1000), "20", "Blade elements a blade, equal in width."),
+        required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
+        default(
+            "precone",
+            Value::Quantity(Kind::Angle, above_below("-45 deg", "45 deg")),
+            "\"0 deg\"",
+            "Precone β_p, positive up.",
+        ),
+        required(
+            "blade_mass",
+            Value::Quantity(Kind::Mass, above_to("0 lb", "10000 lb")),
+            "Mass of one blade m_b.",
+        ),
+        required(
+            "blade_first_moment",
+            Value::Quantity(Kind::FirstMoment, above_to("0 slug ft", "1000000 slug ft")),
+            "First mass moment of one blade about its attachment, M_β.",
+        ),
+        required(
+            "blade_second_moment",
+            Value::Quantity(Kind::Inertia, above_to("0 slug ft^2", "100000000 slug ft^2")),
+            "Second mass moment of one blade about its attachment, I_β.",
+        ),
+        required(
+            "hub",
+            Value::Choice(&[
+                ("teetering", "two blades on one teeter hinge"),
+                ("rigid", "blades that neither flap nor teeter"),
+            ]),
+            "How the blades are joined to the shaft.",
+        ),
+        default(
+            "undersling",
+            Value::Quantity(Kind::Length, from_to("-10 ft", "10 ft")),
+            "\"0 ft\"",
+            "Distance of the blade attachment below the teeter hinge. Teetering hubs only.",
+        ),
+        default(
+            "teeter_spring",
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
+            "\"0 lbf ft/rad\"",
+            "Teeter spring. Teetering hubs only.",
+        ),
+        default(
+            "delta_3",
+            Value::Quantity(Kind::Angle, above_below("-80 deg", "80 deg")),
+            "\"0 deg\"",
+            "Pitch-flap coupling δ3: the pitch changes by β_T tan δ3. Teetering hubs only.",
+        ),
+        default(
+            "teeter_torque_tilt",
+            Value::Bool,
+            "true",
+            "Whether in-plane moments tilt with the teetering frame, which is exact, or act about \
+             the shaft, as in the published matrices. Teetering hubs only.",
+        ),
+        default(
+            "swashplate_phase",
+            Value::Quantity(Kind::Angle, TURN),
+            "\"0 deg\"",
+            "Swashplate phase Δ_sp.",
+        ),
+        required(
+            "speed",
+            Value::Quantity(Kind::AngularRateRad, above_to("0 rad/s", "5000 rad/s")),
+            "Speed of rotation Ω, positive for either direction.",
+        ),
+        default(
+            "azimuth_offset",
+            Value::Quantity(Kind::Angle, TURN),
+            "\"0 deg\"",
+            "Azimuth of blade 1 when the reference azimuth is zero.",
+        ),
+        optional(
+            "governor",
+            Value::Table(&GOVERNOR),
+            "the speed is held exactly",
+            "Rotor-speed governor; makes the speed a state.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static STRIPS: Table = Table {
+    doc: "Strip theory over the span.",
+    keys: &[
+        default(
+            "count",
+            Value::Count(1, 1000),
+            "10",
+            "Strips over the span; an odd number is raised to the next even one.",
+        ),
+        required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
+        default(
+            "induced_angle",
+            Value::Bool,
+            "true",
+            "Whether the induced angle of the finite span is taken off, with the slope \
+             a/(1 + a/(π AR)) of elliptic loading.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static FINITE: Table = Table {
+    doc: "A whole finite wing at its aerodynamic centre. Its dihedral is left out.",
+    keys: &[
+        required(
+            "lift_slope",
+            Value::Quantity(Kind::PerAngle, above_to("0 1/rad", "20 1/rad")),
+            "Lift-curve slope a0 of the section.",
+        ),
+        default(
+            "zero_lift_angle",
+            Value::Quantity(Kind::Angle, from_to("-20 deg", "20 deg")),
+            "\"0 deg\"",
+            "Angle of attack without lift.",
+        ),
+        required(
+            "parasite_drag",
+            Value::Number(from_to("0", "2")),
+            "Drag coefficient without lift.",
+        ),
+        default("oswald", Value::Number(above_to("0", "1")), "0.8", "Oswald efficiency e."),
+        default(
+            "stall_angle",
+            Value::Quantity(Kind::Angle, above_to("0 deg", "45 deg")),
+            "\"15 deg\"",
+            "Angle of attack at which the lift stalls.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static WING: Table = Table {
+    doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
+          from the body axes by a rotation about x by `cant`; the span runs along the turned y \
+          axis. A vertical tail has `cant = \"90 deg\"`: its span then points down, its \
+          first station is the upper tip, and positive lift is to starboard.",
+    keys: &[
+        required("aerodynamic_center", Value::Table(&STATION), "Aerodynamic centre at mid-span."),
+        required(
+            "span",
+            Value::Quantity(Kind::Length, above_to("0 ft", "300 ft")),
+            "Span b, tip to tip.",
+        ),
+        required(
+            "chord",
+            Value::Spanwise(Kind::Length, above_to("0 ft", "50 ft")),
+            "Chord. Station 0 is the tip at negative y of the wing axes (port when level), \
+             station 1 the other.",
+        ),
+        default(
+            "incidence",
+            Value::Quantity(Kind::Angle, from_to("-90 deg", "90 deg")),
+            "\"0 deg\"",
+            "Incidence, positive leading edge up.",
+        ),
+        default(
+            "cant",
+            Value::Quantity(Kind::Angle, from_to("-180 deg", "180 deg")),
+            "\"0 deg\"",
+            "Rotation about the x axis: 0 is horizontal, 90° a vertical surface.",
+        ),
+        default(
+            "dihedral",
+            Value::Quantity(Kind::Angle, above_below("-90 deg", "90 deg")),
+            "\"0 deg\"",
+            "Dihedral of each half, positive tips up.",
+        ),
+        optional(
+            "strips",
+            Value::Table(&STRIPS),
+            "`finite` is given instead",
+            "Loads by strip theory.",
+        ),
+        optional(
+            "finite",
+            Value::Table(&FINITE),
+            "`strips` is given instead",
+            "Loads of a simple finite wing.",
+        ),
+        default("wash", WASH, "\"none\"", "What the rotors' wakes do to it."),
+    ],
+    alternatives: &[&["strips"], &["finite"]],
+};
+
+static INFLOW: Table = Table {
+    doc: "Inflow and rotor-on-rotor interference.",
+    keys: &[
+        default("interactions", Value::Bool, "true", "Whether rotors interfere at all."),
+        default(
+            "mass_flow",
+            Value::Choice(&[
+                ("self", "the rotor's own induced inflow, as in the paper"),
+                ("total", "own and interference inflow together"),
+            ]),
+            "\"self\"",
+            "Which inflow carries the mass flow of momentum theory.",
+        ),
+        default(
+            "total_inflow",
+            Value::Choice(&[
+                ("algebraic", "at once"),
+                ("lowpass", "three states a rotor behind a first-order low-pass"),
+            ]),
+            "\"algebraic\"",
+            "How the total inflow follows self-induced inflow and interference.",
+        ),
+        default(
+            "lowpass_bandwidth",
+            Value::Quantity(Kind::Frequency, above_to("0 rad/s", "100000 rad/s")),
+            "\"200 rad/s\"",
+            "Bandwidth of the low-pass. Used with `total_inflow = \"lowpass\"`.",
+        ),
+        default(
+            "interference_rule",
+            Value::Choice(&[
+                ("converged", "converged integrals"),
+                (
+                    "coarse",
+                    "a coarse rule that leaves out the rim of the disk and comes closer to the \
+                     published numbers",
+                ),
+            ]),
+            "\"converged\"",
+            "Quadrature of the interference coefficients.",
+        ),
+        default(
+            "wash_core",
+            Value::Number(above_to("0", "1")),
+            "0.05",
+            "Core radius of the wake that washes bodies and wings, as a fraction of the radius \
+             of the rotor it comes from.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+/// Full travel of a stick, and more: percent are nominal.
+const STICK: Bounds = from_to("-1000 %", "1000 %");
+
+static STICK_CYCLIC: Table = Table {
+    doc: "A stick or the pedals, centred at 0 %.",
+    keys: &[default(
+        "limits",
+        Value::Limits(Kind::Percent, STICK),
+        "[\"-100 %\", \"100 %\"]",
+        "Travel.",
+    )],
+    alternatives: &[],
+};
+
+static STICK_COLLECTIVE: Table = Table {
+    doc: "The collective lever, down at 0 %.",
+    keys: &[default(
+        "limits",
+        Value::Limits(Kind::Percent, STICK),
+        "[\"0 %\", \"100 %\"]",
+        "Travel.",
+    )],
+    alternatives: &[],
+};
+
+const GEARING: Value =
+    Value::Quantity(Kind::AnglePerPercent, from_to("-100 rad/100%", "100 rad/100%"));
+
+static GEARINGS: Table = Table {
+    doc: "Blade pitch per stick travel.",
+    keys: &[
+        default("lat", GEARING, "\"0 rad/100%\"", "From the lateral stick."),
+        default("lon", GEARING, "\"0 rad/100%\"", "From the longitudinal stick."),
+        default("col", GEARING, "\"0 rad/100%\"", "From the collective lever."),
+        default("ped", GEARING, "\"0 rad/100%\"", "From the pedals."),
+    ],
+    alternatives: &[],
+};
+
+const PITCH: Bounds = from_to("-90 deg", "90 deg");
+
+static RIGGING: Table = Table {
+    doc: "Blade pitch with every stick at zero.",
+    keys: &[
+        default("theta_0", Value::Quantity(Kind::Angle, PITCH), "\"0 deg\"", "Collective."),
+        default("theta_1c", Value::Quantity(Kind::Angle, PITCH), "\"0 deg\"", "Lateral cyclic."),
+        default(
+            "theta_1s",
+            Value::Quantity(Kind::Angle, PITCH),
+            "\"0 deg\"",
+            "Longitudinal cyclic.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static ROTOR_MIX: Table = Table {
+    doc: "From the sticks to one rotor: `[controls.mix.NAME]`, with the name of a rotor. Every \
+          rotor needs one. The angles are those of the rotor's own frame, which is mirrored for \
+          a clockwise rotor: the same lateral cyclic tilts rotors of opposite rotation opposite \
+          ways.",
+    keys: &[
+        default("theta_0", Value::Table(&GEARINGS), "{}", "Collective pitch θ_0."),
+        default(
+            "theta_1c",
+            Value::Table(&GEARINGS),
+            "{}",
+            "Lateral cyclic θ_1c, which multiplies cos ψ.",
+        ),
+        default(
+            "theta_1s",
+            Value::Table(&GEARINGS),
+            "{}",
+            "Longitudinal cyclic θ_1s, which multiplies sin ψ.",
+        ),
+        default("rigging", Value::Table(&RIGGING), "{}", "Blade pitch with every stick at zero."),
+        default(
+            "collective_limits",
+            Value::Limits(Kind::Angle, PITCH),
+            "[\"-5 deg\", \"25 deg\"]",
+            "Limits on θ_0.",
+        ),
+        default(
+            "cyclic_limits",
+            Value::Limits(Kind::Angle, PITCH),
+            "[\"-15 deg\", \"15 deg\"]",
+            "Limits on θ_1c and on θ_1s, each.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static CONTROLS: Table = Table {
+    doc: "From the pilot's sticks to the blades.",
+    keys: &[
+        default("lat", Value::Table(&STICK_CYCLIC), "{}", "Lateral stick, positive to the right."),
+        default(
+            "lon",
+            Value::Table(&STICK_CYCLIC),
+            "{}",
+            "Longitudinal stick. Its sign is that of the mix.",
+        ),
+        default("col", Value::Table(&STICK_COLLECTIVE), "{}", "Collective lever, positive up."),
+        default("ped", Value::Table(&STICK_CYCLIC), "{}", "Pedals, positive right foot forward."),
+        required("mix", Value::Named(&ROTOR_MIX, "rotor"), "From the sticks to each rotor."),
+    ],
+    alternatives: &[],
+};
+
+/// A problem file.
+pub static ROOT: Table = Table {
+    doc: "A rotorcraft and the modelling choices to fly it with.",
+    keys: &[
+        optional(
+            "extends",
+            Value::Path,
+            "the file stands alone",
+            "Another problem file to start from. Tables merge key by key; everything else \
+             replaces. Where keys exclude one another, choosing one drops the other of the base.",
+        ),
+        required("name", Value::Text, "Short name, for titles and file names."),
+        default("description", Value::Text, "\"a rotorcraft\"", "One line for reports."),
+        required("mass", Value::Table(&MASS), "Mass properties."),
+        default("atmosphere", Value::Table(&ATMOSPHERE), "{}", "The air to fly in."),
+        default("fuselages", Value::Named(&FUSELAGE, "fuselage"), "{}", "Fuselage bodies."),
+        required("rotors", Value::Named(&ROTOR, "rotor"), "Rotors."),
+        default("wings", Value::Named(&WING, "wing"), "{}", "Wings and tail surfaces."),
+        default("inflow", Value::Table(&INFLOW), "{}", "Inflow and interference."),
+        required("controls", Value::Table(&CONTROLS), "From the sticks to the blades."),
+    ],
+    alternatives: &[],
+};

@@ -1,0 +1,592 @@
+//! One trim point: from a guess to a converged orbit, or to a report of why
+//! there is none.
+
+use crate::numerics::integration::{Method, RUNGE_KUTTA_4};
+use crate::numerics::least_squares::{self, IterationReport, Residuals};
+use crate::problem::STICKS;
+use crate::trim::condition::FlightCondition;
+use crate::trim::shooting::Shooting;
+use crate::units::Kind;
+use crate::vehicle::Vehicle;
+use crate::vehicle::atmosphere::STANDARD_GRAVITY;
+use nalgebra::DVector;
+use std::f64::consts::PI;
+
+/// How to trim.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Converged when the norm of the scaled residuals is below this, 1.
+    /// Scales: 1 m/s, 0.1 rad and rad/s, 0.02 rad of flapping, 0.01 of inflow.
+    pub residual_tolerance: f64,
+    /// Largest change of a scaled state over one period when the step is
+    /// halved, 1: the error test that chooses the step.
+    pub step_tolerance: f64,
+    /// Steps a period to begin with.
+    pub steps: usize,
+    /// Most steps a period.
+    pub most_steps: usize,
+    /// Most iterations of one solve.
+    pub max_iterations: usize,
+    /// Integration method.
+    pub method: Method,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            residual_tolerance: 1e-10,
+            step_tolerance: 1e-7,
+            steps: 36,
+            most_steps: 1152,
+            max_iterations: 40,
+            method: RUNGE_KUTTA_4,
+        }
+    }
+}
+
+/// Where to start from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guess {
+    /// State at azimuth zero.
+    pub state: Vec<f64>,
+    /// Sticks, %.
+    pub sticks: [f64; 4],
+    /// Steps a period that its orbit needed, if known.
+    pub steps: Option<usize>,
+}
+
+/// How a trim ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Status {
+    /// On a periodic orbit at the flight condition, controls within limits.
+    Converged,
+    /// On a periodic orbit, but these controls are beyond their limits.
+    BeyondLimits {
+        /// Names of the controls.
+        controls: Vec<String>,
+    },
+    /// No orbit was found: these equations are not met, and these stick
+    /// limits bind.
+    Failed {
+        /// Names of the worst equations, worst first.
+        equations: Vec<String>,
+        /// Sticks at their limits.
+        binding: Vec<String>,
+        /// What the solver ran into.
+        reason: String,
+    },
+}
+
+impl Status {
+    /// One word for tables and files.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::BeyondLimits { .. } => "beyond_limits",
+            Self::Failed { .. } => "failed",
+        }
+    }
+}
+
+/// A residual at the end of a trim.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResidualReport {
+    /// Equation.
+    pub equation: String,
+    /// What it measures.
+    pub kind: Kind,
+    /// Residual, SI.
+    pub value: f64,
+    /// Residual over its scale, 1.
+    pub scaled: f64,
+}
+
+/// Room between a control and its limits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Margin {
+    /// Control: a stick, or a blade pitch such as `upper.theta_0`.
+    pub control: String,
+    /// What it measures.
+    pub kind: Kind,
+    /// Value, SI or %.
+    pub value: f64,
+    /// Limits.
+    pub limits: [f64; 2],
+}
+
+impl Margin {
+    /// Distance to the nearer limit as a fraction of the travel; negative
+    /// beyond the limit.
+    #[must_use]
+    pub fn fraction(&self) -> f64 {
+        let [low, high] = self.limits;
+        (self.value - low).min(high - self.value) / (high - low)
+    }
+}
+
+/// Means of a rotor over one period.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RotorMean {
+    /// Force along the shaft, N.
+    pub thrust: f64,
+    /// Shaft torque, N m.
+    pub torque: f64,
+    /// Shaft power, W.
+    pub power: f64,
+    /// C_T = T/(ρπR²(ΩR)²).
+    pub thrust_coefficient: f64,
+    /// C_P = P/(ρπR²(ΩR)³).
+    pub power_coefficient: f64,
+    /// Total inflow λ_0, λ_1c, λ_1s.
+    pub inflow: [f64; 3],
+    /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
+    pub self_inflow: [f64; 3],
+    /// β_1c, β_1s, rad.
+    pub flapping: [f64; 2],
+    /// θ_0, θ_1c, θ_1s, rad.
+    pub pitch: [f64; 3],
+    /// Mean force and moment on the hub, rotor's own hub frame, N and N m.
+    pub force_hub: [f64; 3],
+    /// Moment on the hub, N m.
+    pub moment_hub: [f64; 3],
+    /// Half of the peak-to-peak force on the hub, N.
+    pub force_vibration: [f64; 3],
+    /// Section-drag power, W.
+    pub profile_power: f64,
+    /// Induced power, W.
+    pub induced_power: f64,
+}
+
+/// Mean powers, W.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PowerBalance {
+    /// Shaft power of all rotors.
+    pub shaft: f64,
+    /// Section drag of all blades.
+    pub profile: f64,
+    /// Induced power of all blades.
+    pub induced: f64,
+    /// Fuselages and wings.
+    pub parasite: f64,
+    /// Weight times rate of climb.
+    pub climb: f64,
+}
+
+impl PowerBalance {
+    /// Shaft power that the parts do not account for, over the shaft power.
+    #[must_use]
+    pub fn imbalance(&self) -> f64 {
+        (self.shaft - self.profile - self.induced - self.parasite - self.climb) / self.shaft
+    }
+}
+
+/// A trim point, converged or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrimPoint {
+    /// What was asked for.
+    pub condition: FlightCondition,
+    /// Whether rotors interfered.
+    pub interactions: bool,
+    /// How it ended.
+    pub status: Status,
+    /// Iterations of the least-squares solver, all solves together.
+    pub iterations: usize,
+    /// Norm of the scaled residuals.
+    pub residual_norm: f64,
+    /// Every residual.
+    pub residuals: Vec<ResidualReport>,
+    /// State at azimuth zero.
+    pub state: Vec<f64>,
+    /// Mean state.
+    pub mean_state: Vec<f64>,
+    /// Sticks, %.
+    pub sticks: [f64; 4],
+    /// Steps a period.
+    pub steps: usize,
+    /// Integration method.
+    pub method: Method,
+    /// Largest change of a scaled state at the end of the period on halving
+    /// the step.
+    pub step_error: f64,
+    /// Rotors.
+    pub rotors: Vec<RotorMean>,
+    /// Powers.
+    pub power: PowerBalance,
+    /// Mean sideslip asin(v/V), rad; zero in hover.
+    pub sideslip: f64,
+    /// Room to the limits: sticks, then blade pitch of each rotor.
+    pub margins: Vec<Margin>,
+    /// Iterations, for `--trace`.
+    pub history: Vec<IterationReport>,
+}
+
+/// A trim point that has converged: what linearisation asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvergedTrim(TrimPoint);
+
+impl ConvergedTrim {
+    /// The point.
+    #[must_use]
+    pub fn point(&self) -> &TrimPoint {
+        &self.0
+    }
+}
+
+impl TrimPoint {
+    /// Whether the point lies on a periodic orbit at its condition, controls
+    /// within limits or not.
+    #[must_use]
+    pub fn on_orbit(&self) -> bool {
+        !matches!(self.status, Status::Failed { .. })
+    }
+
+    /// The point as a converged trim.
+    ///
+    /// # Errors
+    /// Gives the point back where it is not on a periodic orbit. Controls
+    /// beyond their limits do not hinder a linear model, and stay reported.
+    pub fn into_converged(self) -> Result<ConvergedTrim, Box<Self>> {
+        if self.on_orbit() { Ok(ConvergedTrim(self)) } else { Err(Box::new(self)) }
+    }
+
+    /// The point as a guess for a neighbour.
+    #[must_use]
+    pub fn guess(&self) -> Guess {
+        Guess { state: self.state.clone(), sticks: self.sticks, steps: Some(self.steps) }
+    }
+}
+
+impl Guess {
+    /// A guess from momentum theory and blade-element theory: rotors share
+    /// the weight, level attitude, sticks centred but for the collective.
+    #[must_use]
+    pub fn estimate(vehicle: &Vehicle, condition: &FlightCondition) -> Self {
+        let mut state = vec![0.0; vehicle.state_count()];
+        state[0] = condition.horizontal_speed();
+        state[2] = -condition.climb_rate;
+        state[5] = condition.turn_rate;
+        let share = vehicle.mass * STANDARD_GRAVITY / vehicle.rotors.len() as f64;
+        let mut collective = 0.0;
+        for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
+            let c_t = share / rotor.force_scale();
+            let mu = condition.horizontal_speed() / rotor.tip_speed();
+            let mut lambda = (c_t / 2.0).sqrt();
+            for _ in 0..20 {
+                lambda = 0.5 * (lambda + c_t / (2.0 * (mu * mu + lambda * lambda).sqrt()));
+            }
+            state[places.self_inflow] = lambda;
+            if let Some(start) = places.total_inflow {
+                state[start] = lambda;
+            }
+            if let Some(start) = places.speed {
+                state[start] = rotor.speed;
+            }
+            collective += rotor.collective_estimate(c_t, lambda) / vehicle.rotors.len() as f64;
+        }
+        let count = vehicle.rotors.len() as f64;
+        let gain = vehicle.controls.mix.iter().map(|mix| mix.theta_0[2]).sum::<f64>() / count;
+        let rigging = vehicle.controls.mix.iter().map(|mix| mix.rigging[0]).sum::<f64>() / count;
+        let stick = if gain.abs() > 0.0 { (collective - rigging) / gain } else { 0.0 };
+        let [low, high] = vehicle.controls.stick_limits[2];
+        Self { state, sticks: [0.0, 0.0, stick.clamp(low, high), 0.0], steps: None }
+    }
+}
+
+/// Trims a vehicle at a condition from a guess. The step is chosen by its
+/// error test: the solution is found again with half the step until halving
+/// it once more no longer matters.
+///
+/// # Panics
+/// Never: the least-squares options are valid by construction.
+#[must_use]
+pub fn trim(
+    vehicle: &Vehicle,
+    condition: FlightCondition,
+    guess: &Guess,
+    options: &Options,
+) -> TrimPoint {
+    let mut steps = guess.steps.unwrap_or(options.steps).max(4);
+    let mut iterations = 0;
+    let mut history = Vec::new();
+    let mut start = guess.clone();
+    loop {
+        let shooting = Shooting::new(vehicle, condition, options.method, steps);
+        let solver = least_squares::Options {
+            bounds: Some(bounds(vehicle, &shooting)),
+            // The tolerance is on the norm; the solver looks at the largest.
+            residual_tolerance: options.residual_tolerance / (shooting.unknowns() as f64).sqrt(),
+            max_iterations: options.max_iterations,
+            ..least_squares::Options::default()
+        };
+        let x = shooting.pack(&start.state, &start.sticks);
+        let solution = match least_squares::solve(&shooting, &x, &solver, None) {
+            Ok(solution) => solution,
+            Err(error) => {
+                let failed = Status::Failed {
+                    equations: Vec::new(),
+                    binding: Vec::new(),
+                    reason: error.to_string(),
+                };
+                return report(&shooting, &x, vehicle, condition, failed, steps, f64::NAN);
+            }
+        };
+        iterations += solution.iterations;
+        history.extend(solution.history.iter().cloned());
+        let converged = solution.converged();
+        let error = if converged {
+            let finer = Shooting::new(vehicle, condition, options.method, 2 * steps);
+            match (finer.evaluate(&solution.x), shooting.evaluate(&solution.x)) {
+                (Ok(a), Ok(b)) => (a - b).amax(),
+                _ => f64::NAN,
+            }
+        } else {
+            f64::NAN
+        };
+        let (state, sticks) = shooting.unpack(&solution.x);
+        if converged && error > options.step_tolerance && 2 * steps <= options.most_steps {
+            // RK error falls by 2^order with each halving.
+            steps *= 2;
+            start = Guess { state, sticks, steps: None };
+            continue;
+        }
+        let status = if converged && error <= options.step_tolerance {
+            Status::Converged
+        } else if converged {
+            Status::Failed {
+                equations: Vec::new(),
+                binding: Vec::new(),
+                reason: format!(
+                    "the step could not be made fine enough: halving {steps} steps a period still \
+                     moves the orbit by {error:.1e}"
+                ),
+            }
+        } else {
+            failure(&shooting, vehicle, &solution)
+        };
+        let mut point = report(&shooting, &solution.x, vehicle, condition, status, steps, error);
+        point.iterations = iterations;
+        point.history = history;
+        return point;
+    }
+}
+
+/// Bounds of the scaled unknowns: stick limits, and attitudes short of the
+/// Euler angles' singularity.
+fn bounds(vehicle: &Vehicle, shooting: &Shooting<'_>) -> Vec<[f64; 2]> {
+    let body = crate::vehicle::Layout::BODY;
+    let count = shooting.unknowns();
+    let mut bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; count];
+    for angle in [body.roll, body.pitch] {
+        let most = 1.4 / shooting.scales[angle];
+        bounds[angle] = [-most, most];
+    }
+    for (k, limits) in vehicle.controls.stick_limits.iter().enumerate() {
+        let index = count - 4 + k;
+        bounds[index] = limits.map(|limit| limit / shooting.scales[index]);
+    }
+    bounds
+}
+
+fn failure(
+    shooting: &Shooting<'_>,
+    vehicle: &Vehicle,
+    solution: &least_squares::Solution,
+) -> Status {
+    let equations = shooting.equations();
+    let mut worst: Vec<(usize, f64)> =
+        solution.residuals.iter().map(|value| value.abs()).enumerate().collect();
+    worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let first = worst.first().map_or(0.0, |w| w.1);
+    let names = shooting.unknown_names();
+    let (_, sticks) = shooting.unpack(&solution.x);
+    let binding = vehicle
+        .controls
+        .stick_limits
+        .iter()
+        .enumerate()
+        .filter(|(k, [low, high])| {
+            let travel = 1e-6 * (high - low);
+            sticks[*k] <= low + travel || sticks[*k] >= high - travel
+        })
+        .map(|(k, _)| STICKS[k].to_owned())
+        .collect();
+    use least_squares::Status as S;
+    let list = |unknowns: &[usize]| {
+        unknowns.iter().map(|&k| names[k].as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let reason = match &solution.status {
+        S::Converged => String::new(),
+        S::Stationary => "the residuals have a least point that is not zero".to_owned(),
+        S::StalledAtBounds { unknowns } => {
+            format!("the residuals could only fall beyond the limits of {}", list(unknowns))
+        }
+        S::RankDeficient { rank, unknowns } => format!(
+            "the equations leave {} undetermined (rank {rank} of {})",
+            list(unknowns),
+            shooting.unknowns()
+        ),
+        S::NoDescent => "no step reduces the residuals".to_owned(),
+        S::MaxIterations => "the iteration limit was reached".to_owned(),
+        S::NonFinite { message } => format!("the flight is not finite: {message}"),
+        S::EvaluationFailed { message } => message.clone(),
+    };
+    Status::Failed {
+        equations: worst
+            .iter()
+            .take_while(|w| w.1 > 0.1 * first)
+            .take(5)
+            .map(|w| equations[w.0].name.clone())
+            .collect(),
+        binding,
+        reason,
+    }
+}
+
+/// Means, margins and residuals of an orbit.
+fn report(
+    shooting: &Shooting<'_>,
+    x: &DVector<f64>,
+    vehicle: &Vehicle,
+    condition: FlightCondition,
+    status: Status,
+    steps: usize,
+    step_error: f64,
+) -> TrimPoint {
+    let (state, sticks) = shooting.unpack(x);
+    let mut work = vehicle.workspace::<f64>();
+    let mut rates = vec![0.0; vehicle.state_count()];
+    let mut rotors = vec![RotorMean::default(); vehicle.rotors.len()];
+    let mut power = PowerBalance::default();
+    let mut range = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; vehicle.rotors.len()];
+    let weight = 1.0 / steps as f64;
+    let period = shooting.fly(&state, &sticks, |_, time, state, effectors| {
+        let azimuth = time * vehicle.reference_speed;
+        vehicle.rates(azimuth, state, effectors, [0.0; 3], &mut work, &mut rates);
+        let output = vehicle.output(state, effectors, [0.0; 3], &work);
+        for (index, (mean, now)) in rotors.iter_mut().zip(&output.rotors).enumerate() {
+            let add = |sum: &mut f64, value: f64| *sum += weight * value;
+            let add3 = |sum: &mut [f64; 3], value: &[f64; 3]| {
+                for k in 0..3 {
+                    sum[k] += weight * value[k];
+                }
+            };
+            add(&mut mean.thrust, now.thrust);
+            add(&mut mean.torque, now.torque);
+            add(&mut mean.power, now.power);
+            add(&mut mean.profile_power, now.profile_power);
+            add(&mut mean.induced_power, now.induced_power);
+            add3(&mut mean.inflow, &now.inflow);
+            add3(&mut mean.self_inflow, &now.self_inflow);
+            add3(&mut mean.pitch, &now.pitch);
+            add3(&mut mean.force_hub, &now.force_hub);
+            add3(&mut mean.moment_hub, &now.moment_hub);
+            for k in 0..2 {
+                mean.flapping[k] += weight * now.flapping[k];
+            }
+            for k in 0..3 {
+                let [low, high] = &mut range[index][k];
+                *low = low.min(now.force_hub[k]);
+                *high = high.max(now.force_hub[k]);
+            }
+            power.shaft += weight * now.power;
+            power.profile += weight * now.profile_power;
+            power.induced += weight * now.induced_power;
+        }
+        power.parasite += weight * output.parasite_power;
+        power.climb += weight * output.climb_power;
+    });
+    for (index, (mean, rotor)) in rotors.iter_mut().zip(&vehicle.rotors).enumerate() {
+        mean.thrust_coefficient = mean.thrust / rotor.force_scale();
+        mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
+        mean.force_vibration = range[index].map(|[low, high]| 0.5 * (high - low));
+    }
+    let values = shooting.evaluate(x).unwrap_or_else(|_| DVector::zeros(0));
+    let residuals = shooting
+        .equations()
+        .iter()
+        .zip(values.iter())
+        .map(|(equation, &scaled)| ResidualReport {
+            equation: equation.name.clone(),
+            kind: equation.kind,
+            value: scaled * equation.scale,
+            scaled,
+        })
+        .collect();
+    let margins = margins(vehicle, &sticks, &rotors);
+    let beyond: Vec<String> = margins
+        .iter()
+        .filter(|margin| margin.fraction() < 0.0)
+        .map(|margin| margin.control.clone())
+        .collect();
+    let status = match status {
+        Status::Converged if !beyond.is_empty() => Status::BeyondLimits { controls: beyond },
+        other => other,
+    };
+    let sideslip = if condition.airspeed > super::shooting::HOVER_SPEED {
+        (period.mean[1] / condition.airspeed).clamp(-1.0, 1.0).asin()
+    } else {
+        0.0
+    };
+    TrimPoint {
+        condition,
+        interactions: vehicle.inflow.interactions && vehicle.rotors.len() > 1,
+        status,
+        iterations: 0,
+        residual_norm: values.norm(),
+        residuals,
+        state,
+        mean_state: period.mean,
+        sticks,
+        steps,
+        method: shooting.method(),
+        step_error,
+        rotors,
+        power,
+        sideslip,
+        margins,
+        history: Vec::new(),
+    }
+}
+
+fn margins(vehicle: &Vehicle, sticks: &[f64; 4], rotors: &[RotorMean]) -> Vec<Margin> {
+    let controls = &vehicle.controls;
+    let mut margins: Vec<Margin> = (0..4)
+        .map(|k| Margin {
+            control: STICKS[k].to_owned(),
+            kind: Kind::Percent,
+            value: sticks[k],
+            limits: controls.stick_limits[k],
+        })
+        .collect();
+    for (index, (rotor, mean)) in vehicle.rotors.iter().zip(rotors).enumerate() {
+        for (k, name) in ["theta_0", "theta_1c", "theta_1s"].iter().enumerate() {
+            margins.push(Margin {
+                control: format!("{}.{name}", rotor.name),
+                kind: Kind::Angle,
+                value: mean.pitch[k],
+                limits: if k == 0 {
+                    controls.collective_limits[index]
+                } else {
+                    controls.cyclic_limits[index]
+                },
+            });
+        }
+    }
+    margins
+}
+
+impl crate::vehicle::rotor::Rotor {
+    /// Collective at the root, rad, for a thrust coefficient and an inflow:
+    /// blade-element theory with a lift slope of 2π less losses.
+    fn collective_estimate(&self, c_t: f64, lambda: f64) -> f64 {
+        const LIFT_SLOPE: f64 = 5.73;
+        6.0 * c_t / (self.solidity() * LIFT_SLOPE) + 1.5 * lambda - self.twist_at(0.75)
+    }
+
+    /// Solidity N_b ∫c dr/(πR²).
+    #[must_use]
+    pub fn solidity(&self) -> f64 {
+        self.blade_area() * self.blades as f64 / (PI * self.radius * self.radius)
+    }
+}

@@ -1,0 +1,131 @@
+//! Many trim points, each from its neighbour.
+
+use crate::trim::condition::FlightCondition;
+use crate::trim::solve::{Guess, Options, TrimPoint, trim};
+use crate::vehicle::Vehicle;
+
+/// Smallest fraction of the way between two conditions that homotopy tries.
+const SMALLEST_FRACTION: f64 = 1.0 / 64.0;
+
+/// The points of a sweep, in the order asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// One a condition.
+    pub points: Vec<TrimPoint>,
+}
+
+impl Sweep {
+    /// Whether every point is on its orbit.
+    #[must_use]
+    pub fn all_on_orbit(&self) -> bool {
+        self.points.iter().all(TrimPoint::on_orbit)
+    }
+}
+
+/// Trims at every condition in turn. Each point starts from a straight line
+/// through the two before it, or from the one before it; where that fails,
+/// from an estimate; where that fails too, the way from the last good point is
+/// walked in smaller parts (homotopy in the condition). `progress` hears of
+/// every finished point.
+pub fn sweep(
+    vehicle: &Vehicle,
+    conditions: &[FlightCondition],
+    options: &Options,
+    mut progress: impl FnMut(&TrimPoint),
+) -> Sweep {
+    let mut points: Vec<TrimPoint> = Vec::with_capacity(conditions.len());
+    for condition in conditions {
+        let good: Vec<&TrimPoint> =
+            points.iter().rev().filter(|point| point.on_orbit()).take(2).collect();
+        let mut point = match good.as_slice() {
+            [last, before, ..] => {
+                trim(vehicle, *condition, &predicted(last, before, condition), options)
+            }
+            [last] => trim(vehicle, *condition, &last.guess(), options),
+            [] => trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options),
+        };
+        if !point.on_orbit() && !good.is_empty() {
+            let again = trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options);
+            if again.on_orbit() {
+                point = again;
+            }
+        }
+        if !point.on_orbit() {
+            let last = good.first().map(|last| (*last).clone());
+            if let Some(found) = homotopy(vehicle, condition, last, options) {
+                point = found;
+            }
+        }
+        progress(&point);
+        points.push(point);
+    }
+    Sweep { points }
+}
+
+/// A guess on the straight line through two points.
+fn predicted(last: &TrimPoint, before: &TrimPoint, condition: &FlightCondition) -> Guess {
+    let distance = |a: &FlightCondition, b: &FlightCondition| {
+        (a.airspeed - b.airspeed) + (a.climb_rate - b.climb_rate) + (a.turn_rate - b.turn_rate)
+    };
+    let span = distance(&last.condition, &before.condition);
+    let mut guess = last.guess();
+    let ahead = distance(condition, &last.condition) / span;
+    if ahead.is_finite() && ahead.abs() <= 2.0 {
+        for (value, old) in guess.state.iter_mut().zip(&before.state) {
+            *value += ahead * (*value - old);
+        }
+        for (value, old) in guess.sticks.iter_mut().zip(&before.sticks) {
+            *value += ahead * (*value - old);
+        }
+    }
+    guess
+}
+
+/// Walks from a good point (or from hover) to a condition in parts as small as
+/// they must be.
+fn homotopy(
+    vehicle: &Vehicle,
+    goal: &FlightCondition,
+    from: Option<TrimPoint>,
+    options: &Options,
+) -> Option<TrimPoint> {
+    let mut here = match from {
+        Some(point) => point,
+        None => {
+            let hover = FlightCondition { airspeed: 0.0, climb_rate: 0.0, turn_rate: 0.0, ..*goal };
+            let point = trim(vehicle, hover, &Guess::estimate(vehicle, &hover), options);
+            if !point.on_orbit() {
+                return None;
+            }
+            point
+        }
+    };
+    let start = here.condition;
+    let mix = |a: f64, b: f64, t: f64| a + t * (b - a);
+    let (mut done, mut part) = (0.0, 0.5);
+    while done < 1.0 {
+        let t = f64::min(done + part, 1.0);
+        let condition = if t >= 1.0 {
+            *goal
+        } else {
+            FlightCondition {
+                airspeed: mix(start.airspeed, goal.airspeed, t),
+                climb_rate: mix(start.climb_rate, goal.climb_rate, t),
+                turn_rate: mix(start.turn_rate, goal.turn_rate, t),
+                lateral: goal.lateral,
+            }
+        };
+        let point = trim(vehicle, condition, &here.guess(), options);
+        if point.on_orbit() {
+            here = point;
+            done = t;
+            part = (2.0 * part).min(0.5);
+        } else {
+            part *= 0.5;
+            if part < SMALLEST_FRACTION {
+                return None;
+            }
+        }
+    }
+    Some(here)
+}

@@ -1,0 +1,130 @@
+//! Names, units and places of states and blade controls.
+
+use crate::problem::{InflowOptions, TotalInflow};
+use crate::units::Kind;
+use crate::vehicle::rotor::Rotor;
+
+/// A state or control: what it is called, what it measures, how large it
+/// usually is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quantity {
+    /// Name, for example `u` or `upper.beta_1c`.
+    pub name: String,
+    /// What it measures; values are SI.
+    pub kind: Kind,
+    /// Usual size of a change of it, SI: scales of solvers and differences.
+    pub scale: f64,
+}
+
+/// Where the states of the airframe stand.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyStates {
+    /// u, v, w.
+    pub velocity: usize,
+    /// p, q, r.
+    pub rate: usize,
+    /// Roll attitude φ.
+    pub roll: usize,
+    /// Pitch attitude θ.
+    pub pitch: usize,
+    /// How many.
+    pub count: usize,
+}
+
+/// Where the states and controls of a rotor stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RotorStates {
+    /// β_1c, β_1s; none for a rigid rotor.
+    pub flapping: Option<usize>,
+    /// λ_s0, λ_s1c, λ_s1s.
+    pub self_inflow: usize,
+    /// λ_0, λ_1c, λ_1s; none where total inflow is algebraic.
+    pub total_inflow: Option<usize>,
+    /// Ω and the azimuth's lead over nominal; none where speed is held.
+    pub speed: Option<usize>,
+    /// θ_0, θ_1c, θ_1s, and Ω_cmd where the speed is governed.
+    pub effectors: usize,
+}
+
+/// States and blade controls of a vehicle, in order.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// All states.
+    pub states: Vec<Quantity>,
+    /// All blade controls.
+    pub effectors: Vec<Quantity>,
+    /// Places of each rotor's.
+    pub rotors: Vec<RotorStates>,
+}
+
+impl Layout {
+    /// Places of the airframe's states: u v w p q r φ θ come first.
+    pub const BODY: BodyStates = BodyStates { velocity: 0, rate: 3, roll: 6, pitch: 7, count: 8 };
+
+    pub(super) fn new(rotors: &[Rotor], inflow: &InflowOptions) -> Self {
+        let mut states = Vec::new();
+        let mut effectors = Vec::new();
+        let push = |list: &mut Vec<Quantity>, name: String, kind, scale| {
+            list.push(Quantity { name, kind, scale });
+        };
+        for name in ["u", "v", "w"] {
+            push(&mut states, name.to_owned(), Kind::Velocity, 1.0);
+        }
+        for name in ["p", "q", "r"] {
+            push(&mut states, name.to_owned(), Kind::AngularRateRad, 0.1);
+        }
+        for name in ["phi", "theta"] {
+            push(&mut states, name.to_owned(), Kind::AngleRad, 0.1);
+        }
+        let mut places = Vec::new();
+        for rotor in rotors {
+            let name = |state: &str| format!("{}.{state}", rotor.name);
+            let flapping = rotor.teetering.then(|| {
+                let start = states.len();
+                for state in ["beta_1c", "beta_1s"] {
+                    push(&mut states, name(state), Kind::AngleRad, 0.02);
+                }
+                start
+            });
+            let self_inflow = states.len();
+            for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
+                push(&mut states, name(state), Kind::Dimensionless, 0.01);
+            }
+            let total_inflow =
+                matches!(inflow.total_inflow, TotalInflow::LowPass { .. }).then(|| {
+                    let start = states.len();
+                    for state in ["lambda_0", "lambda_1c", "lambda_1s"] {
+                        push(&mut states, name(state), Kind::Dimensionless, 0.01);
+                    }
+                    start
+                });
+            let speed = rotor.governor_time_constant.map(|_| {
+                let start = states.len();
+                push(&mut states, name("omega"), Kind::AngularRateRad, 1.0);
+                push(&mut states, name("azimuth"), Kind::AngleRad, 0.1);
+                start
+            });
+            let first_effector = effectors.len();
+            for control in ["theta_0", "theta_1c", "theta_1s"] {
+                push(&mut effectors, name(control), Kind::AngleRad, 0.01);
+            }
+            if rotor.governor_time_constant.is_some() {
+                push(&mut effectors, name("omega_command"), Kind::AngularRateRad, 1.0);
+            }
+            places.push(RotorStates {
+                flapping,
+                self_inflow,
+                total_inflow,
+                speed,
+                effectors: first_effector,
+            });
+        }
+        Self { states, effectors, rotors: places }
+    }
+
+    /// Place of a state by name.
+    #[must_use]
+    pub fn state(&self, name: &str) -> Option<usize> {
+        self.states.iter().position(|state| state.name == name)
+    }
+}

@@ -1,0 +1,139 @@
+//! What a rotorcraft does at one instant, beyond its rates: rotor loads,
+//! powers and the loads of each component.
+
+use crate::numerics::scalar::Vec3;
+use crate::vehicle::rotor::RotorInput;
+use crate::vehicle::{Vehicle, Workspace};
+
+/// A rotor at one instant, in its own (for a clockwise rotor mirrored) hub
+/// frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RotorOutput {
+    /// Force on the hub along the shaft, up, N.
+    pub thrust: f64,
+    /// Torque that the shaft puts into the rotor, N m.
+    pub torque: f64,
+    /// Shaft power, W.
+    pub power: f64,
+    /// Total inflow λ_0, λ_1c, λ_1s.
+    pub inflow: [f64; 3],
+    /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
+    pub self_inflow: [f64; 3],
+    /// β_1c, β_1s, rad.
+    pub flapping: [f64; 2],
+    /// θ_0, θ_1c, θ_1s, rad.
+    pub pitch: [f64; 3],
+    /// Force on the hub, hub frame, N.
+    pub force_hub: [f64; 3],
+    /// Moment on the hub, hub frame, N m.
+    pub moment_hub: [f64; 3],
+    /// Power of section drag, W.
+    pub profile_power: f64,
+    /// Power of induced flow, W.
+    pub induced_power: f64,
+    /// Teeter angle of blade 1, rad.
+    pub teeter_angle: f64,
+}
+
+/// Loads of a body or wing on the airframe.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BodyLoads {
+    /// Force, body frame, N.
+    pub force_body: [f64; 3],
+    /// Moment about the centre of gravity, body frame, N m.
+    pub moment_body: [f64; 3],
+}
+
+/// Everything at one instant.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Output {
+    /// One a rotor.
+    pub rotors: Vec<RotorOutput>,
+    /// One a fuselage.
+    pub fuselages: Vec<BodyLoads>,
+    /// One a wing.
+    pub wings: Vec<BodyLoads>,
+    /// Power that air takes from fuselages and wings, W.
+    pub parasite_power: f64,
+    /// Power that goes into height, W.
+    pub climb_power: f64,
+    /// Specific force at the centre of gravity, body frame, m/s².
+    pub specific_force: [f64; 3],
+}
+
+impl Vehicle {
+    /// Output of the state last passed to [`Vehicle::rates`] with this
+    /// workspace.
+    #[must_use]
+    pub fn output(
+        &self,
+        state: &[f64],
+        effectors: &[f64],
+        wind_body: [f64; 3],
+        work: &Workspace<f64>,
+    ) -> Output {
+        let rate = Vec3([state[3], state[4], state[5]]);
+        let [specific_force, angular] = work.acceleration;
+        let rotors = self
+            .rotors
+            .iter()
+            .enumerate()
+            .map(|(index, rotor)| {
+                let places = &self.layout.rotors[index];
+                let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
+                let (force, moment, _) = rotor.acceleration_loads(&work.blades[index], hub, spin);
+                let force_hub = (work.loads[index].force_hub + force).0;
+                let moment_hub = (work.loads[index].moment_hub + moment).0;
+                let flapping = places.flapping.map_or([0.0; 2], |at| [state[at], state[at + 1]]);
+                let at = places.effectors;
+                let pitch = [effectors[at], effectors[at + 1], effectors[at + 2]];
+                let own = places.self_inflow;
+                let shaft = &work.shaft[index];
+                let input = RotorInput {
+                    velocity_hub: work.hub[index][0],
+                    rate_hub: work.hub[index][1],
+                    flapping,
+                    inflow: work.inflow[index],
+                    pitch,
+                };
+                let blades = rotor.blade_power(&input, shaft);
+                RotorOutput {
+                    thrust: -force_hub[2],
+                    torque: moment_hub[2],
+                    power: moment_hub[2] * shaft.speed,
+                    inflow: work.inflow[index],
+                    self_inflow: [state[own], state[own + 1], state[own + 2]],
+                    flapping,
+                    pitch,
+                    force_hub,
+                    moment_hub,
+                    profile_power: blades.profile,
+                    induced_power: blades.induced,
+                    teeter_angle: work.teeter[index][0],
+                }
+            })
+            .collect();
+        let air = Vec3([state[0] - wind_body[0], state[1] - wind_body[1], state[2] - wind_body[2]]);
+        let mut parasite_power = 0.0;
+        let mut component = |loads: &[(Vec3<f64>, Vec3<f64>)]| -> Vec<BodyLoads> {
+            loads
+                .iter()
+                .map(|(force, moment)| {
+                    parasite_power -= force.dot(air) + moment.dot(rate);
+                    BodyLoads { force_body: force.0, moment_body: moment.0 }
+                })
+                .collect()
+        };
+        let fuselages = component(&work.fuselage_loads);
+        let wings = component(&work.wing_loads);
+        let [_, _, _, down] = self.navigation(state);
+        Output {
+            rotors,
+            fuselages,
+            wings,
+            parasite_power,
+            climb_power: -self.mass * crate::units::STANDARD_GRAVITY * down,
+            specific_force: specific_force.0,
+        }
+    }
+}
