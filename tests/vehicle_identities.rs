@@ -315,32 +315,40 @@ fn a_rotor_turned_the_other_way_makes_mirrored_loads() {
     assert!(rates_a[5] > 0.1, "{}", rates_a[5]);
 }
 
-/// Rotors far apart (a thousand radii to the side, or far above) feel nothing
-/// of each other: interference is nil, and inflow is that of two rotors alone.
+/// Rotors far apart feel nothing of each other: interference is nil, and inflow
+/// is that of two rotors alone. The flow of the uniform circulation falls with
+/// the cube of the distance, that of the harmonics only with the distance
+/// itself (the theory keeps the rings of a wake and drops the vortices along
+/// it), so "far" is a hundred thousand radii.
 #[test]
 fn distant_rotors_are_two_rotors_alone() {
     let apart = |sideways: f64, up: f64| {
         let mut p = common::coarsened(problem("coax2d"));
         p.rotors[0].hub.butt_line += sideways;
         p.rotors[0].hub.water_line += up;
+        for rotor in &mut p.rotors {
+            rotor.tilt = 0.0;
+        }
         vehicle(&p)
     };
     let lone = |index: usize| {
         let mut p = common::coarsened(problem("coax2d"));
         p.rotors = vec![p.rotors[index].clone()];
+        p.rotors[0].tilt = 0.0;
         p.controls.mix = vec![p.controls.mix[index]];
         p.controls.collective_limits.truncate(1);
         p.controls.cyclic_limits.truncate(1);
         vehicle(&p)
     };
     let lones = [lone(0), lone(1)];
-    let vehicle = apart(3250.0, 0.0);
+    let vehicle = apart(325_000.0, 0.0);
     for (receiver, source) in [(0, 1), (1, 0)] {
         let table = vehicle.interference(receiver, source).unwrap();
         for skew in [[0.0, 0.0], [0.4, 0.1], [-0.3, 0.5], [0.0, -0.6]] {
             let g = table.evaluate(skew);
             assert!(g.amax() < 1e-5, "{receiver} {source} at {skew:?}: {g}");
         }
+        assert!(table.evaluate([0.0, 0.0])[(0, 0)].abs() < 1e-12);
     }
     let (mut state, effectors) = lively(&vehicle);
     // Without turning, hubs at any place fly at the same speed.
@@ -371,7 +379,7 @@ fn distant_rotors_are_two_rotors_alone() {
             assert!((a - b).abs() < 1e-9, "rotor {index}, own inflow {k}: {a} and {b}");
         }
     }
-    // A rotor a thousand radii above another feels nothing, and blows its
+    // A rotor a thousand radii right above another feels nothing, and blows its
     // fully developed wake, twice its own inflow, on the one below.
     let stacked = apart(0.0, 3250.0);
     let on_upper = stacked.interference(0, 1).unwrap().evaluate([0.0, 0.0]);
@@ -623,7 +631,11 @@ fn free_flight_in_vacuum_conserves() {
         named("governed", in_vacuum("coax2d", govern)),
         named(
             "rigid, three blades",
-            in_vacuum("coax2d", |p| *p = common::rigid_three_blades(p.clone())),
+            in_vacuum("coax2d", |p| {
+                *p = common::rigid_three_blades(p.clone());
+                // Equal rotors turned opposite ways do no work together.
+                p.rotors[1].blade_second_moment *= 1.5;
+            }),
         ),
         named(
             "rigid, two blades, governed",
