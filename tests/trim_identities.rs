@@ -104,7 +104,6 @@ fn half_the_step_is_the_same_trim() {
         ("coax2d", 0.0, &fine, 1e-6),
         ("coax2d", 80.0, &fine, 1e-6),
         ("coax2d-appendix", 30.0, &fine, 1e-6),
-        ("coax2d", 0.0, &Options::default(), 1e-6),
         ("coax2d", 80.0, &Options::default(), 5e-6),
     ] {
         let vehicle = vehicle(&coarsened(problem(name)));
@@ -343,7 +342,31 @@ fn unreachable_flight_fails_by_name() {
     }
 }
 
-/// No iterations allowed: a failure with its reason.
+/// Beyond about 80 kt the aircraft runs out of longitudinal cyclic. Where the
+/// sticks reach further than the blades may, the trim is found and the blades
+/// are named; where the stick itself stops, there is none, and the stick is.
+#[test]
+fn limits_are_named() {
+    let from_80 = |name: &str| {
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let options = Options::default();
+        let near = trimmed(&vehicle, level(80.0), &options);
+        assert_eq!(near.status, Status::Converged);
+        trim(&vehicle, level(92.0), &near.guess(), &options)
+    };
+    let beyond = from_80("coax2d");
+    let named = ["upper.theta_1s", "lower.theta_1s"].map(str::to_owned).to_vec();
+    assert_eq!(beyond.status, Status::BeyondLimits { controls: named });
+    assert!(beyond.residual_norm < 1e-10);
+    let stopped = from_80("coax2d-physics");
+    let Status::Failed { binding, reason, .. } = &stopped.status else {
+        panic!("{:?}", stopped.status)
+    };
+    assert_eq!(binding, &["lon"]);
+    assert!(reason.contains("lon"), "{reason}");
+}
+
+/// Too few iterations allowed: a failure with its reason.
 #[test]
 fn iteration_limit_is_reported() {
     let vehicle = vehicle(&coarsened(problem("coax2d")));
