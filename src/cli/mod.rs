@@ -12,6 +12,8 @@ mod man;
 mod new;
 pub mod output;
 mod schema;
+pub(crate) mod trim;
+mod validate;
 
 use std::process::ExitCode;
 
@@ -40,6 +42,10 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Trim over a range of speeds, and compare with the published hover
+    Trim(trim::Trim),
+    /// Compare with every number of the reference paper
+    Validate(validate::Validate),
     /// Check a problem file and show what was understood
     Check(check::Check),
     /// Write the JSON Schema of problem files, for editors
@@ -55,6 +61,8 @@ pub enum Command {
 impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
+            Command::Trim(command) => command.run(),
+            Command::Validate(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),
             Command::New(command) => command.run(),
