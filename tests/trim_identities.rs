@@ -22,14 +22,22 @@ fn tight() -> Options {
 }
 
 /// Every number of a trim that people read, with the size that its errors
-/// are measured by.
+/// are measured by: its own, or the usual size of its changes if it is small.
 fn numbers(vehicle: &Vehicle, point: &TrimPoint) -> Vec<(String, f64, f64)> {
     let mut list = Vec::new();
     for (quantity, value) in vehicle.layout.states.iter().zip(&point.mean_state) {
         list.push((quantity.name.clone(), *value, value.abs().max(quantity.scale)));
     }
+    let pitch_scale = vehicle.layout.effectors[0].scale;
     for (k, stick) in point.sticks.iter().enumerate() {
-        list.push((format!("stick {k}"), *stick, stick.abs().max(1.0)));
+        // The travel that moves a blade by the scale of its pitch.
+        let gain = vehicle
+            .controls
+            .mix
+            .iter()
+            .flat_map(|mix| [mix.theta_0[k], mix.theta_1c[k], mix.theta_1s[k]])
+            .fold(0.0_f64, |most, gain| most.max(gain.abs()));
+        list.push((format!("stick {k}"), *stick, stick.abs().max(pitch_scale / gain)));
     }
     for (rotor, mean) in vehicle.rotors.iter().zip(&point.rotors) {
         let force = mean.thrust.abs();
@@ -42,7 +50,7 @@ fn numbers(vehicle: &Vehicle, point: &TrimPoint) -> Vec<(String, f64, f64)> {
         for k in 0..3 {
             put("force", mean.force_hub[k], force);
             put("moment", mean.moment_hub[k], force * rotor.radius);
-            put("pitch", mean.pitch[k], 0.1);
+            put("pitch", mean.pitch[k], mean.pitch[k].abs().max(pitch_scale));
         }
     }
     list
@@ -92,29 +100,38 @@ fn orbit_stays_on_itself_for_ten_revolutions() {
     }
 }
 
-/// Half the step moves no number of the trim by more than 1e-6 when the step
-/// error of a period is held to 1e-8: the trim moves by more than the orbit
-/// misses, for what is wrong each period adds up until the slow modes, which
-/// take some forty periods, balance it. By that the default of 1e-7 is good to
-/// some 4e-6.
+/// Half the step moves no number of the trim by more than 1e-6.
+///
+/// With an analytic section (the appendix variant) the default options do it
+/// with much to spare. An airfoil table is smooth only to its first
+/// derivatives, which costs the integrator its order and the error test its
+/// sharpness; and the trim moves by more than the orbit misses, since what is
+/// wrong each period adds up until the slow modes, which take some forty
+/// periods, balance it. So tables need a step tolerance of 1e-8; the default
+/// is good to some 4e-5, worst at 50 kt.
 #[test]
 fn half_the_step_is_the_same_trim() {
+    let usual = Options::default();
     let fine = Options { step_tolerance: 1e-8, ..Options::default() };
-    for (name, knots, options, tolerance) in [
+    for (name, knots, options, most) in [
+        ("coax2d-appendix", 30.0, &usual, 1e-6),
+        ("coax2d-appendix", 90.0, &usual, 1e-6),
         ("coax2d", 0.0, &fine, 1e-6),
+        ("coax2d", 50.0, &fine, 1e-6),
         ("coax2d", 80.0, &fine, 1e-6),
-        ("coax2d-appendix", 30.0, &fine, 1e-6),
-        ("coax2d", 80.0, &Options::default(), 5e-6),
+        ("coax2d-physics", 40.0, &fine, 1e-6),
+        ("coax2d", 50.0, &usual, 1e-4),
+        ("coax2d-physics", 40.0, &usual, 1e-4),
     ] {
         let vehicle = vehicle(&coarsened(problem(name)));
         let point = trimmed(&vehicle, level(knots), options);
         assert!(point.step_error <= options.step_tolerance);
         let guess = Guess { steps: Some(2 * point.steps), ..point.guess() };
-        let finer = trim(&vehicle, point.condition, &guess, options);
-        assert_eq!(finer.status.word(), point.status.word());
-        assert!(finer.steps >= 2 * point.steps);
-        let what = format!("{name} at {knots} kt, {} and {} steps", point.steps, finer.steps);
-        assert_same(&what, &numbers(&vehicle, &point), &numbers(&vehicle, &finer), tolerance);
+        let again = trim(&vehicle, point.condition, &guess, options);
+        assert_eq!(again.status.word(), point.status.word());
+        assert!(again.steps >= 2 * point.steps);
+        let what = format!("{name} at {knots} kt, {} and {} steps", point.steps, again.steps);
+        assert_same(&what, &numbers(&vehicle, &point), &numbers(&vehicle, &again), most);
     }
 }
 
@@ -342,23 +359,30 @@ fn unreachable_flight_fails_by_name() {
     }
 }
 
-/// Beyond about 80 kt the aircraft runs out of longitudinal cyclic. Where the
-/// sticks reach further than the blades may, the trim is found and the blades
-/// are named; where the stick itself stops, there is none, and the stick is.
+/// Fast flight runs out of longitudinal cyclic. Where the sticks reach further
+/// than the blades may, the trim is found and the blades are named; where the
+/// stick itself stops, there is none, and the stick is.
 #[test]
 fn limits_are_named() {
-    let from_80 = |name: &str| {
-        let vehicle = vehicle(&coarsened(problem(name)));
+    let fast = |name: &str, limit: &dyn Fn(&mut Problem)| {
+        let mut p = coarsened(problem(name));
+        limit(&mut p);
+        let vehicle = vehicle(&p);
         let options = Options::default();
         let near = trimmed(&vehicle, level(80.0), &options);
         assert_eq!(near.status, Status::Converged);
-        trim(&vehicle, level(92.0), &near.guess(), &options)
+        trim(&vehicle, level(90.0), &near.guess(), &options)
     };
-    let beyond = from_80("coax2d");
+    // 80 kt needs some 8° of longitudinal cyclic, 90 kt more than 10°.
+    let degrees = 10.0_f64.to_radians();
+    let beyond = fast("coax2d", &|p| p.controls.cyclic_limits.fill([-degrees, degrees]));
     let named = ["upper.theta_1s", "lower.theta_1s"].map(str::to_owned).to_vec();
     assert_eq!(beyond.status, Status::BeyondLimits { controls: named });
     assert!(beyond.residual_norm < 1e-10);
-    let stopped = from_80("coax2d-physics");
+    let stopped = fast("coax2d-physics", &|p| {
+        let per_percent = p.controls.mix[0].theta_1s[1];
+        p.controls.stick_limits[1] = [-degrees / per_percent, degrees / per_percent];
+    });
     let Status::Failed { binding, reason, .. } = &stopped.status else {
         panic!("{:?}", stopped.status)
     };
