@@ -471,7 +471,12 @@ static ROTOR: Table = Table {
 static STRIPS: Table = Table {
     doc: "Strip theory over the span.",
     keys: &[
-        default("count", Value::Count(1, 1000), "10", "Strips over the span."),
+        default(
+            "count",
+            Value::Count(1, 1000),
+            "10",
+            "Strips over the span; an odd number is raised to the next even one.",
+        ),
         required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
         default(
             "induced_angle",
@@ -485,7 +490,7 @@ static STRIPS: Table = Table {
 };
 
 static FINITE: Table = Table {
-    doc: "A whole finite wing at its aerodynamic centre.",
+    doc: "A whole finite wing at its aerodynamic centre. Its dihedral is left out.",
     keys: &[
         required(
             "lift_slope",
@@ -517,8 +522,8 @@ static FINITE: Table = Table {
 static WING: Table = Table {
     doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
           from the body axes by a rotation about x by `cant`; the span runs along the turned y \
-          axis. A vertical tail has `cant = \"90 deg\"`: its span then points down, and its \
-          first station is the upper tip.",
+          axis. A vertical tail has `cant = \"90 deg\"`: its span then points down, its \
+          first station is the upper tip, and positive lift is to starboard.",
     keys: &[
         required("aerodynamic_center", Value::Table(&STATION), "Aerodynamic centre at mid-span."),
         required(

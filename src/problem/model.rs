@@ -269,13 +269,14 @@ pub struct Wing {
     pub aerodynamic_center: Station,
     /// Span b, m.
     pub span: f64,
-    /// Chord along the span; station 0 at the port (or lower) tip, 1 at the
-    /// other, m.
+    /// Chord along the span; station 0 at the tip at negative y of the wing
+    /// axes (port when level, the upper one at a cant of 90°), 1 at the other, m.
     pub chord: Spanwise,
     /// Incidence, rad, positive leading edge up.
     pub incidence: f64,
-    /// Cant about the x axis, rad: 0 is horizontal, 90° a vertical surface
-    /// whose "upper" side looks to starboard... see `vehicle::wing`.
+    /// Cant about the x axis, rad. The wing axes come from the body axes by
+    /// this rotation, and the span runs along the turned y axis: 0 is
+    /// horizontal; at 90° the span points down and lift is to starboard.
     pub cant: f64,
     /// Dihedral of each half, rad.
     pub dihedral: f64,

@@ -84,7 +84,7 @@ pub fn rotor(problem: &Problem, rotor: &Rotor) -> RotorSummary {
     let tip_speed = rotor.speed * radius;
     let tip_mach = tip_speed / air.sound_speed;
     let lift_slope = lift_slope(&rotor.airfoil, REPRESENTATIVE_STATION * tip_mach);
-    let chord = at(&rotor.chord, REPRESENTATIVE_STATION);
+    let chord = rotor.chord.at(REPRESENTATIVE_STATION);
     let inertia = rotor.blade_second_moment;
     RotorSummary {
         hub_from_center_of_gravity: [
@@ -120,20 +120,6 @@ pub fn wing_area(wing: &Wing) -> f64 {
     wing.span * mean(&wing.chord)
 }
 
-/// Value along the span at a station: linear between, constant beyond.
-fn at(spanwise: &Spanwise, station: f64) -> f64 {
-    let above = spanwise.station.partition_point(|one| *one < station);
-    if above == 0 {
-        return spanwise.value[0];
-    }
-    if above == spanwise.station.len() {
-        return spanwise.value[above - 1];
-    }
-    let (low, high) = (spanwise.station[above - 1], spanwise.station[above]);
-    let part = (station - low) / (high - low);
-    spanwise.value[above - 1] * (1.0 - part) + spanwise.value[above] * part
-}
-
 /// Mean over the span from 0 to 1, exact for the broken line.
 fn mean(spanwise: &Spanwise) -> f64 {
     let mut stations = vec![0.0];
@@ -141,7 +127,7 @@ fn mean(spanwise: &Spanwise) -> f64 {
     stations.push(1.0);
     stations
         .windows(2)
-        .map(|pair| (pair[1] - pair[0]) * 0.5 * (at(spanwise, pair[0]) + at(spanwise, pair[1])))
+        .map(|pair| (pair[1] - pair[0]) * 0.5 * (spanwise.at(pair[0]) + spanwise.at(pair[1])))
         .sum()
 }
 
@@ -162,13 +148,13 @@ fn lift(grid: &CoefficientGrid, angle: f64, mach: f64) -> f64 {
         let width = grid.mach.len();
         let values = grid.value[row * width..(row + 1) * width].to_vec();
         let line = Spanwise { station: grid.mach.clone(), value: values };
-        at(&line, mach)
+        line.at(mach)
     };
     let lifts = Spanwise {
         station: grid.angle_of_attack.clone(),
         value: (0..grid.angle_of_attack.len()).map(along).collect(),
     };
-    at(&lifts, angle)
+    lifts.at(angle)
 }
 
 #[cfg(test)]
@@ -181,9 +167,6 @@ mod tests {
     fn mean_of_a_broken_line() {
         let line = Spanwise { station: vec![0.25, 0.75], value: vec![1.0, 3.0] };
         assert_relative_eq!(mean(&line), 0.25 * 1.0 + 0.5 * 2.0 + 0.25 * 3.0);
-        assert_eq!(at(&line, 0.1), 1.0);
-        assert_eq!(at(&line, 0.5), 2.0);
-        assert_eq!(at(&line, 0.9), 3.0);
     }
 
     /// Table 1 of the paper by hand: σ = 2·0.72/(π 10.66), ΩR = 507.9 ft/s,
