@@ -12,6 +12,7 @@ mod man;
 mod new;
 pub mod output;
 mod schema;
+mod trim;
 
 use std::process::ExitCode;
 
@@ -40,6 +41,8 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Trim over a range of speeds, and compare with the published hover
+    Trim(trim::Trim),
     /// Check a problem file and show what was understood
     Check(check::Check),
     /// Write the JSON Schema of problem files, for editors
@@ -55,6 +58,7 @@ pub enum Command {
 impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
+            Command::Trim(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),
             Command::New(command) => command.run(),

@@ -18,7 +18,7 @@
 //! * [`time_response`]: exact responses to steps and doublets.
 //! * [`set`]: models over speed, interpolated and checked at midpoints.
 //! * [`io`]: JSON, CSV and MAT files.
-//! * [`reference`]: the matrices printed in the source paper's appendix.
+//! * [`mod@reference`]: the matrices printed in the source paper's appendix.
 //!
 //! Inside, everything is SI and radians; see [`crate::units`] for the shown
 //! units.

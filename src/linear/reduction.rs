@@ -273,11 +273,11 @@ pub fn balance_model(
     let a_s = a.view((k, k), (stable, stable)).into_owned();
     let mut b_s = b.rows(k, stable).into_owned();
     let mut c_s = c.columns(k, stable).into_owned();
-    for j in 0..m {
-        b_s.column_mut(j).scale_mut(input_scale[j]);
+    for (j, size) in input_scale.iter().enumerate() {
+        b_s.column_mut(j).scale_mut(*size);
     }
-    for i in 0..p {
-        c_s.row_mut(i).unscale_mut(output_scale[i]);
+    for (i, size) in output_scale.iter().enumerate() {
+        c_s.row_mut(i).unscale_mut(*size);
     }
     let controllability = lyapunov(&a_s, &(&b_s * b_s.transpose()))?;
     let observability = lyapunov(&a_s.transpose(), &(c_s.transpose() * &c_s))?;

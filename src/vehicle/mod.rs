@@ -343,7 +343,7 @@ impl Vehicle {
     /// `effectors` are the blade controls of [`Layout::effectors`]; `wind_body`
     /// is the velocity of the air mass over the ground, body frame, m/s.
     /// Slices have the lengths of the layout.
-    #[inline(always)]
+    #[inline(never)] // one large copy a scalar type is enough
     pub fn rates<S: Scalar>(
         &self,
         azimuth: f64,

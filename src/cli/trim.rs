@@ -1,0 +1,743 @@
+//! `coaxdesign trim`.
+
+use clap::{Args, ValueEnum};
+use serde_json::{Map, Value as Json, json};
+use std::path::PathBuf;
+
+use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::{CliError, Outcome, output};
+use crate::problem::{Problem, STICKS};
+use crate::report::figures::{Channel, Marks, TrimSweep, trim_figure};
+use crate::report::progress::Progress;
+use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use crate::trim::reference::{HOVER_OFF, HOVER_ON};
+use crate::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use crate::units::{Kind, System, parse_quantity};
+use crate::vehicle::Vehicle;
+
+/// Trim a rotorcraft over a range of speeds: the periodic orbit at each
+#[derive(Debug, Args)]
+pub struct Trim {
+    #[command(flatten)]
+    problem: ProblemArgs,
+    #[command(flatten)]
+    pub(super) condition: ConditionArgs,
+    /// Rotor-on-rotor interactions
+    #[arg(long, value_enum, default_value = "both")]
+    interactions: Interactions,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Plot the trim curves to an SVG file
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Show every iteration on standard error
+    #[arg(long)]
+    trace: bool,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Rotor-on-rotor interactions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Interactions {
+    /// Rotors wash each other
+    On,
+    /// Each rotor flies alone
+    Off,
+    /// One after the other
+    Both,
+}
+
+impl Interactions {
+    /// The switch positions, on first.
+    pub fn positions(self) -> &'static [bool] {
+        match self {
+            Self::On => &[true],
+            Self::Off => &[false],
+            Self::Both => &[true, false],
+        }
+    }
+}
+
+/// The flight condition.
+#[derive(Debug, Clone, Args)]
+pub struct ConditionArgs {
+    /// True airspeeds: FIRST:LAST:STEP with a unit, a list, or one speed
+    #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt", allow_hyphen_values = true)]
+    pub speeds: String,
+    /// Rate of climb, such as "300 ft/min"
+    #[arg(long, value_name = "RATE", allow_hyphen_values = true)]
+    pub climb: Option<String>,
+    /// Rate of turn, such as "0.15 rad/s", positive to starboard
+    #[arg(long, value_name = "RATE", allow_hyphen_values = true)]
+    pub turn_rate: Option<String>,
+    /// Sideslip to hold, such as "5 deg" (zero by default)
+    #[arg(long, value_name = "ANGLE", conflicts_with = "bank", allow_hyphen_values = true)]
+    pub sideslip: Option<String>,
+    /// Bank to hold instead of sideslip, such as "0 deg"
+    #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
+    pub bank: Option<String>,
+    /// Pressure altitude in place of the file's, such as "2000 ft"
+    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
+    pub altitude: Option<String>,
+}
+
+/// Most speeds of one sweep.
+const MOST_SPEEDS: usize = 1000;
+/// Fastest airspeed that makes sense, m/s: Mach 1 at sea level.
+const FASTEST: f64 = 340.0;
+
+fn quantity(flag: &str, text: &str, kind: Kind) -> Result<f64, CliError> {
+    parse_quantity(text, kind).map_err(|error| CliError::Usage {
+        message: format!("--{flag} {text:?}: {error}"),
+        help: error.help(),
+    })
+}
+
+/// Speeds of `--speeds`, m/s.
+///
+/// # Errors
+/// A form that is none of `FIRST:LAST:STEP UNIT`, `A,B,C UNIT` and `A UNIT`.
+pub fn parse_speeds(text: &str) -> Result<Vec<f64>, CliError> {
+    let usage = |message: String| CliError::Usage {
+        message: format!("--speeds {text:?}: {message}"),
+        help: "write --speeds 0:90:5kt, --speeds \"0,30,60 kt\" or --speeds \"45 kt\"".into(),
+    };
+    let trimmed = text.trim();
+    let split = trimmed.rfind(|c: char| c.is_ascii_digit() || c == '.').map_or(0, |last| last + 1);
+    let (numbers, unit) = trimmed.split_at(split);
+    if numbers.is_empty() {
+        return Err(usage("there is no number in it".into()));
+    }
+    if unit.trim().is_empty() {
+        return Err(usage("it has no unit".into()));
+    }
+    let value = |number: &str| -> Result<f64, CliError> {
+        let speed =
+            quantity("speeds", &format!("{} {}", number.trim(), unit.trim()), Kind::Airspeed)?;
+        if !(0.0..=FASTEST).contains(&speed) {
+            return Err(usage(format!(
+                "{} {} is not between 0 and the speed of sound",
+                number.trim(),
+                unit.trim()
+            )));
+        }
+        Ok(speed)
+    };
+    let parts: Vec<&str> = numbers.split(':').collect();
+    match parts.as_slice() {
+        [list] => list.split(',').map(value).collect(),
+        [first, last, step] => {
+            let (first, last, step) = (value(first)?, value(last)?, value(step)?);
+            if step <= 0.0 {
+                return Err(usage("the step must be positive".into()));
+            }
+            if last < first {
+                return Err(usage("the last speed is below the first".into()));
+            }
+            let count = ((last - first) / step + 1e-9).floor() as usize + 1;
+            if count > MOST_SPEEDS {
+                return Err(usage(format!("{count} speeds are too many; {MOST_SPEEDS} at most")));
+            }
+            Ok((0..count).map(|k| first + k as f64 * step).collect())
+        }
+        _ => Err(usage("a range has three parts, FIRST:LAST:STEP".into())),
+    }
+}
+
+impl ConditionArgs {
+    /// Flight conditions, one a speed; the altitude goes into the problem.
+    ///
+    /// # Errors
+    /// Quantities that cannot be read or make no sense together.
+    pub fn conditions(&self, problem: &mut Problem) -> Result<Vec<FlightCondition>, CliError> {
+        let optional = |flag: &str, text: &Option<String>, kind| {
+            text.as_deref().map(|text| quantity(flag, text, kind)).transpose()
+        };
+        if let Some(altitude) = optional("altitude", &self.altitude, Kind::Length)? {
+            if !(-2_000.0..=30_000.0).contains(&altitude) {
+                return Err(CliError::Usage {
+                    message: format!("--altitude: {altitude:.0} m is outside the atmosphere model"),
+                    help: "give a pressure altitude between -6500 ft and 98000 ft".into(),
+                });
+            }
+            problem.atmosphere.altitude = altitude;
+        }
+        let climb = optional("climb", &self.climb, Kind::Velocity)?.unwrap_or(0.0);
+        let turn_rate = optional("turn-rate", &self.turn_rate, Kind::AngularRate)?.unwrap_or(0.0);
+        let lateral = match (
+            optional("sideslip", &self.sideslip, Kind::Angle)?,
+            optional("bank", &self.bank, Kind::Angle)?,
+        ) {
+            (_, Some(bank)) => Lateral::Bank(bank),
+            (sideslip, None) => Lateral::Sideslip(sideslip.unwrap_or(0.0)),
+        };
+        for (flag, angle) in [
+            ("sideslip", if let Lateral::Sideslip(a) = lateral { a } else { 0.0 }),
+            ("bank", if let Lateral::Bank(a) = lateral { a } else { 0.0 }),
+        ] {
+            if angle.abs() > 1.3 {
+                return Err(CliError::Usage {
+                    message: format!("--{flag}: {:.0} deg is too steep", angle.to_degrees()),
+                    help: "give an angle between -74 and 74 deg".into(),
+                });
+            }
+        }
+        let speeds = parse_speeds(&self.speeds)?;
+        Ok(speeds
+            .into_iter()
+            .map(|speed| FlightCondition {
+                // A vertical climb is flown along the flight path.
+                airspeed: speed.max(climb.abs()),
+                climb_rate: climb,
+                turn_rate,
+                lateral,
+            })
+            .collect())
+    }
+}
+
+impl Trim {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        self.output.check()?;
+        if let Some(path) = &self.plot {
+            self.output.check_path(path)?;
+        }
+        self.run.start()?;
+        let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
+        let conditions = self.condition.conditions(&mut loaded.problem)?;
+        let problem = &loaded.problem;
+        let points = trim_all(problem, &conditions, self.interactions.positions(), self.run.quiet)?;
+        if self.trace {
+            for point in points.iter().flatten() {
+                output::note(&trace(point));
+            }
+        }
+        let system = self.units.system();
+        let text = match self.format.format {
+            Format::Table => table(problem, &points, system),
+            Format::Csv => csv(problem, &points, system),
+            Format::Json => json_text(problem, &points, system)?,
+        };
+        if let Some(path) = &self.plot {
+            let figure = figure(problem, &points, system).to_svg();
+            output::write_whole(path, figure.as_bytes(), self.output.force)?;
+        }
+        self.output.write(&text)?;
+        let failures = failures(&points);
+        if failures.is_empty() {
+            Ok(Outcome::Done)
+        } else {
+            output::note(&failures);
+            Ok(Outcome::GoalMissed)
+        }
+    }
+}
+
+/// Trims a problem at every condition, interactions on and off side by side.
+pub(super) fn trim_all(
+    problem: &Problem,
+    conditions: &[FlightCondition],
+    positions: &[bool],
+    quiet: bool,
+) -> Result<Vec<Vec<TrimPoint>>, CliError> {
+    use rayon::prelude::*;
+    let progress = Progress::new("trimming", (conditions.len() * positions.len()) as u64, quiet);
+    let swept: Vec<Result<Vec<TrimPoint>, CliError>> = positions
+        .par_iter()
+        .map(|&on| {
+            let mut problem = problem.clone();
+            problem.inflow.interactions = on;
+            let vehicle = Vehicle::new(&problem)?;
+            Ok(sweep(&vehicle, conditions, &Options::default(), |_| progress.advance()).points)
+        })
+        .collect();
+    progress.finish();
+    swept.into_iter().collect()
+}
+
+fn on_off(on: bool) -> &'static str {
+    if on { "on" } else { "off" }
+}
+
+fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
+    let mut text = format!("{}: periodic trim\n", problem.name);
+    for points in sweeps {
+        let Some(first) = points.first() else { continue };
+        let mut columns = vec![
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+            Column::number("roll", "deg", Digits::Decimals(2)),
+            Column::number("pitch", "deg", Digits::Decimals(2)),
+        ];
+        for stick in STICKS {
+            columns.push(Column::number(stick, "%", Digits::Decimals(2)));
+        }
+        for rotor in &problem.rotors {
+            let short = &rotor.name;
+            columns.push(Column::number(
+                &format!("T {short}"),
+                Kind::Force.symbol(system),
+                Digits::Decimals(1),
+            ));
+            columns.push(Column::number(
+                &format!("P {short}"),
+                Kind::Power.symbol(system),
+                Digits::Decimals(2),
+            ));
+            columns.push(Column::number(&format!("λ0 {short}"), "", Digits::Decimals(4)));
+        }
+        columns.push(Column::number("power", Kind::Power.symbol(system), Digits::Decimals(2)));
+        columns.push(Column::number("margin", "%", Digits::Decimals(0)));
+        columns.push(Column::text("of"));
+        columns.push(Column::number("residual", "", Digits::Significant(2)));
+        columns.push(Column::text("status"));
+        let mut table = Table::new(
+            &format!("rotor-on-rotor interactions {}", on_off(first.interactions)),
+            columns,
+        );
+        for point in points {
+            let [roll, pitch] = attitude(point);
+            let mut cells = vec![
+                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
+                Cell::from(roll.to_degrees()),
+                Cell::from(pitch.to_degrees()),
+            ];
+            cells.extend(point.sticks.iter().map(|&stick| Cell::from(stick)));
+            for rotor in &point.rotors {
+                cells.push(Cell::from(Kind::Force.from_si(rotor.thrust, system)));
+                cells.push(Cell::from(Kind::Power.from_si(rotor.power, system)));
+                cells.push(Cell::from(rotor.inflow[0]));
+            }
+            cells.push(Cell::from(Kind::Power.from_si(point.power.shaft, system)));
+            match least_margin(point) {
+                Some((control, fraction)) => {
+                    cells.push(Cell::from(100.0 * fraction));
+                    cells.push(Cell::from(control));
+                }
+                None => cells.extend([Cell::empty(), Cell::empty()]),
+            }
+            cells.push(Cell::from(point.residual_norm));
+            let status = Cell::from(point.status.word());
+            cells.push(match point.status {
+                Status::Converged => status,
+                _ => status.highlight(Highlight::Bad),
+            });
+            table.row(cells);
+        }
+        text.push('\n');
+        text += &table.to_text(Coloring::for_stdout());
+    }
+    if let Some(published) = published(problem, sweeps, system) {
+        text.push('\n');
+        text += &published.to_text(Coloring::for_stdout());
+    }
+    text.push_str(
+        "\nThrust is along the shaft, mean over the orbit; margin is the least distance to a \
+         control limit, in percent of its travel.\n",
+    );
+    text
+}
+
+/// Hover beside the published values, for the aircraft they belong to.
+fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+    if !problem.name.to_lowercase().replace([' ', '-', '_'], "").contains("coax2d") {
+        return None;
+    }
+    let mut table = Table::new(
+        "hover beside the published Table 2",
+        vec![
+            Column::text("interactions"),
+            Column::text("rotor"),
+            Column::text("quantity"),
+            Column::text("unit"),
+            Column::number("here", "", Digits::Significant(4)),
+            Column::number("published", "", Digits::Significant(4)),
+            Column::number("ratio", "", Digits::Decimals(3)),
+        ],
+    );
+    for point in sweeps.iter().filter_map(|points| {
+        points
+            .iter()
+            .find(|point| point.condition == FlightCondition::level(0.0) && point.on_orbit())
+    }) {
+        let reference = if point.interactions { &HOVER_ON } else { &HOVER_OFF };
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let Some(theirs) = reference.iter().find(|r| r.name == rotor.name) else { continue };
+            for (name, kind, ours, printed) in [
+                ("T", Kind::Force, mean.thrust, theirs.thrust),
+                ("P", Kind::Power, mean.power, theirs.power),
+                ("λ0", Kind::Dimensionless, mean.inflow[0], theirs.inflow),
+                ("λs0", Kind::Dimensionless, mean.self_inflow[0], theirs.self_inflow),
+                ("CT", Kind::Dimensionless, mean.thrust_coefficient, theirs.thrust_coefficient),
+            ] {
+                table.row([
+                    Cell::from(on_off(point.interactions)),
+                    Cell::from(rotor.name.as_str()),
+                    Cell::from(name),
+                    Cell::from(kind.symbol(system)),
+                    Cell::from(kind.from_si(ours, system)),
+                    Cell::from(kind.from_si(printed, system)),
+                    Cell::from(ours / printed),
+                ]);
+            }
+        }
+    }
+    (!table.is_empty()).then_some(table)
+}
+
+/// Mean roll and pitch attitude, rad.
+fn attitude(point: &TrimPoint) -> [f64; 2] {
+    let body = crate::vehicle::Layout::BODY;
+    [point.mean_state[body.roll], point.mean_state[body.pitch]]
+}
+
+/// The control nearest to a limit, and its distance as a fraction of travel.
+fn least_margin(point: &TrimPoint) -> Option<(&str, f64)> {
+    point
+        .margins
+        .iter()
+        .map(|margin| (margin.control.as_str(), margin.fraction()))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A number without the noise of unit conversions in its last digits.
+fn clean(value: f64) -> Json {
+    let digits = format!("{value:.12e}").parse::<f64>().unwrap_or(value);
+    json!(digits)
+}
+
+fn json_text(
+    problem: &Problem,
+    sweeps: &[Vec<TrimPoint>],
+    system: System,
+) -> Result<String, CliError> {
+    let points: Vec<Json> =
+        sweeps.iter().flatten().map(|point| json_point(problem, point, system)).collect();
+    let document = json!({
+        "schema": "coaxdesign.trim/1",
+        "problem": problem.name,
+        "version": env!("CARGO_PKG_VERSION"),
+        "units": if system == System::Us { "us" } else { "si" },
+        "points": points,
+    });
+    serde_json::to_string_pretty(&document)
+        .map(|text| text + "\n")
+        .map_err(|error| CliError::Internal(error.to_string()))
+}
+
+fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
+    let us = system == System::Us;
+    let show = |kind: Kind, value: f64| clean(kind.from_si(value, system));
+    let angle = |value: f64| if us { clean(value.to_degrees()) } else { clean(value) };
+    let angle_unit = if us { "deg" } else { "rad" };
+    let [roll, pitch] = attitude(point);
+    let mut rotors = Map::new();
+    for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+        let mut entry = Map::new();
+        let mut put = |key: String, value: Json| {
+            entry.insert(key, value);
+        };
+        put(if us { "thrust_lbf" } else { "thrust_n" }.into(), show(Kind::Force, mean.thrust));
+        put(
+            if us { "torque_lbf_ft" } else { "torque_n_m" }.into(),
+            show(Kind::Moment, mean.torque),
+        );
+        put(if us { "power_hp" } else { "power_w" }.into(), {
+            if us { show(Kind::Power, mean.power) } else { clean(mean.power) }
+        });
+        put("c_t".into(), clean(mean.thrust_coefficient));
+        put("c_p".into(), clean(mean.power_coefficient));
+        for (names, values) in [
+            (["lambda_0", "lambda_1c", "lambda_1s"], mean.inflow),
+            (["lambda_s0", "lambda_s1c", "lambda_s1s"], mean.self_inflow),
+        ] {
+            for (name, value) in names.iter().zip(values) {
+                put((*name).into(), clean(value));
+            }
+        }
+        for (name, value) in ["beta_1c", "beta_1s"].iter().zip(mean.flapping) {
+            put(format!("{name}_{angle_unit}"), angle(value));
+        }
+        for (name, value) in ["theta_0", "theta_1c", "theta_1s"].iter().zip(mean.pitch) {
+            put(format!("{name}_{angle_unit}"), angle(value));
+        }
+        rotors.insert(rotor.name.clone(), Json::Object(entry));
+    }
+    let controls: Map<String, Json> =
+        STICKS.iter().zip(point.sticks).map(|(name, v)| ((*name).into(), clean(v))).collect();
+    let margins: Map<String, Json> = point
+        .margins
+        .iter()
+        .map(|margin| (margin.control.clone(), clean(100.0 * margin.fraction())))
+        .collect();
+    let residuals: Vec<Json> = point
+        .residuals
+        .iter()
+        .map(|r| {
+            json!({
+                "equation": r.equation,
+                "unit": r.kind.symbol(System::Si),
+                "value": r.value,
+            })
+        })
+        .collect();
+    let mut object = Map::new();
+    object.insert(
+        if us { "speed_kt" } else { "speed_m_s" }.into(),
+        if us {
+            show(Kind::Airspeed, point.condition.airspeed)
+        } else {
+            clean(point.condition.airspeed)
+        },
+    );
+    object.insert("interactions".into(), json!(point.interactions));
+    object.insert("status".into(), json!(point.status.word()));
+    if let Status::Failed { equations, binding, reason } = &point.status {
+        object.insert(
+            "failure".into(),
+            json!({"equations": equations, "binding_limits": binding, "reason": reason}),
+        );
+    }
+    if let Status::BeyondLimits { controls } = &point.status {
+        object.insert("beyond_limits".into(), json!(controls));
+    }
+    object.insert("iterations".into(), json!(point.iterations));
+    object.insert("residual_norm".into(), json!(point.residual_norm));
+    object.insert("climb_rate_m_s".into(), clean(point.condition.climb_rate));
+    object.insert("turn_rate_rad_s".into(), clean(point.condition.turn_rate));
+    object.insert(
+        format!("attitude_{angle_unit}"),
+        json!({"roll": angle(roll), "pitch": angle(pitch)}),
+    );
+    object.insert(format!("sideslip_{angle_unit}"), angle(point.sideslip));
+    object.insert("controls_percent".into(), Json::Object(controls));
+    object.insert("rotors".into(), Json::Object(rotors));
+    object.insert(
+        if us { "total_power_hp" } else { "total_power_w" }.into(),
+        if us { show(Kind::Power, point.power.shaft) } else { clean(point.power.shaft) },
+    );
+    object.insert(
+        "power_w".into(),
+        json!({
+            "shaft": clean(point.power.shaft),
+            "profile": clean(point.power.profile),
+            "induced": clean(point.power.induced),
+            "parasite": clean(point.power.parasite),
+            "climb": clean(point.power.climb),
+        }),
+    );
+    object.insert("margins_percent".into(), Json::Object(margins));
+    object.insert("steps_per_period".into(), json!(point.steps));
+    object.insert("step_error".into(), json!(point.step_error));
+    object.insert("residuals".into(), Json::Array(residuals));
+    Json::Object(object)
+}
+
+fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
+    let us = system == System::Us;
+    let angle = |value: f64| if us { value.to_degrees() } else { value };
+    let angle_unit = if us { "deg" } else { "rad" };
+    let (speed, force, moment, power) =
+        if us { ("kt", "lbf", "lbf_ft", "hp") } else { ("m_s", "n", "n_m", "w") };
+    let watt = |value: f64| if us { Kind::Power.from_si(value, system) } else { value };
+    let mut head: Vec<String> = vec![
+        format!("speed_{speed}"),
+        "interactions".into(),
+        "status".into(),
+        format!("roll_{angle_unit}"),
+        format!("pitch_{angle_unit}"),
+        format!("sideslip_{angle_unit}"),
+    ];
+    head.extend(STICKS.iter().map(|stick| format!("{stick}_percent")));
+    for rotor in &problem.rotors {
+        for column in [
+            format!("thrust_{force}"),
+            format!("torque_{moment}"),
+            format!("power_{power}"),
+            "c_t".into(),
+            "lambda_0".into(),
+            "lambda_s0".into(),
+            format!("beta_1c_{angle_unit}"),
+            format!("beta_1s_{angle_unit}"),
+            format!("theta_0_{angle_unit}"),
+            format!("theta_1c_{angle_unit}"),
+            format!("theta_1s_{angle_unit}"),
+        ] {
+            head.push(format!("{}.{column}", rotor.name));
+        }
+    }
+    head.extend([format!("total_power_{power}"), "residual_norm".into(), "iterations".into()]);
+    let mut text = head.join(",") + "\n";
+    for point in sweeps.iter().flatten() {
+        let [roll, pitch] = attitude(point);
+        let airspeed = point.condition.airspeed;
+        let mut row = vec![
+            number(if us { Kind::Airspeed.from_si(airspeed, system) } else { airspeed }),
+            on_off(point.interactions).into(),
+            point.status.word().into(),
+        ];
+        row.extend([roll, pitch, point.sideslip].map(|value| number(angle(value))));
+        row.extend(point.sticks.map(number));
+        for mean in &point.rotors {
+            row.extend([
+                number(Kind::Force.from_si(mean.thrust, system)),
+                number(Kind::Moment.from_si(mean.torque, system)),
+                number(watt(mean.power)),
+                number(mean.thrust_coefficient),
+                number(mean.inflow[0]),
+                number(mean.self_inflow[0]),
+            ]);
+            row.extend(mean.flapping.iter().chain(&mean.pitch).map(|&v| number(angle(v))));
+        }
+        row.push(number(watt(point.power.shaft)));
+        row.push(number(point.residual_norm));
+        row.push(point.iterations.to_string());
+        text += &(row.join(",") + "\n");
+    }
+    text
+}
+
+fn number(value: f64) -> String {
+    output::significant(value, 12)
+}
+
+fn figure(
+    problem: &Problem,
+    sweeps: &[Vec<TrimPoint>],
+    system: System,
+) -> crate::report::plot::Figure {
+    let data: Vec<TrimSweep> = sweeps
+        .iter()
+        .filter(|points| !points.is_empty())
+        .map(|points| {
+            let good: Vec<&TrimPoint> = points.iter().filter(|p| p.on_orbit()).collect();
+            let channel = |name: &str, unit: &str, pick: &dyn Fn(&TrimPoint) -> f64| Channel {
+                name: name.into(),
+                unit: unit.into(),
+                values: good.iter().map(|point| pick(point)).collect(),
+            };
+            let on = points[0].interactions;
+            TrimSweep {
+                name: format!("interactions {}", on_off(on)),
+                style: usize::from(!on),
+                marks: Marks::With,
+                speed: good
+                    .iter()
+                    .map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system))
+                    .collect(),
+                pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
+                roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
+                controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
+                power: channel("power", Kind::Power.symbol(system), &|p| {
+                    Kind::Power.from_si(p.power.shaft, system)
+                }),
+                thrust_share: problem
+                    .rotors
+                    .iter()
+                    .enumerate()
+                    .map(|(k, rotor)| {
+                        channel(&rotor.name, "%", &|p| {
+                            let total: f64 = p.rotors.iter().map(|r| r.thrust).sum();
+                            100.0 * p.rotors[k].thrust / total
+                        })
+                    })
+                    .collect(),
+            }
+        })
+        .collect();
+    trim_figure(&format!("{}: trim", problem.name), Kind::Airspeed.symbol(system), &data)
+}
+
+/// Iterations of a point, for `--trace`.
+fn trace(point: &TrimPoint) -> String {
+    let mut text = format!(
+        "{:.1} kt, interactions {}: {} steps a period\n",
+        Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
+        on_off(point.interactions),
+        point.steps
+    );
+    for step in &point.history {
+        let equation = point
+            .residuals
+            .get(step.worst_residual)
+            .map_or("", |residual| residual.equation.as_str());
+        text += &format!(
+            "  {:3}  {}  worst residual {:.2e} ({equation}), step {:.1e}, damping {:.1e}, gain {:.3}{}\n",
+            step.iteration,
+            if step.accepted { "taken   " } else { "rejected" },
+            step.residual_max,
+            step.step,
+            step.damping,
+            step.gain,
+            if step.fresh_jacobian { ", new Jacobian" } else { "" },
+        );
+    }
+    text
+}
+
+/// What did not trim and why.
+fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
+    let mut text = String::new();
+    for points in sweeps {
+        for (index, point) in points.iter().enumerate() {
+            let place = format!(
+                "{:.1} kt, interactions {}",
+                Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
+                on_off(point.interactions)
+            );
+            match &point.status {
+                Status::Converged => {}
+                Status::BeyondLimits { controls } => {
+                    text += &format!(
+                        "{place}: trimmed, but beyond the limits of {}\n",
+                        controls.join(", ")
+                    );
+                }
+                Status::Failed { equations, binding, reason } => {
+                    text += &format!("{place}: no trim: {reason}\n");
+                    if !equations.is_empty() {
+                        text += &format!("  equations not met: {}\n", equations.join(", "));
+                    }
+                    if !binding.is_empty() {
+                        text += &format!("  limits that bind: {}\n", binding.join(", "));
+                    }
+                    let good = points[..index].iter().rev().find(|p| p.on_orbit());
+                    text += &match good {
+                        Some(good) => format!(
+                            "  last good point: {:.1} kt\n",
+                            Kind::Airspeed.from_si(good.condition.airspeed, System::Us)
+                        ),
+                        None => "  no point before it trimmed\n".to_owned(),
+                    };
+                }
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::KNOT;
+
+    #[test]
+    fn speeds_in_every_form() {
+        let knots = |text: &str| -> Vec<f64> {
+            parse_speeds(text).unwrap().iter().map(|v| (v / KNOT * 1e6).round() / 1e6).collect()
+        };
+        assert_eq!(knots("0:90:5kt").len(), 19);
+        assert_eq!(knots("0:90:5kt")[18], 90.0);
+        assert_eq!(knots("10,20.5, 30 kt"), [10.0, 20.5, 30.0]);
+        assert_eq!(knots("45 kt"), [45.0]);
+        for bad in
+            ["", "kt", "0:90:5", "0:90 kt", "90:0:5kt", "0:90:0kt", "10 ft", "1e9 kt", "-5 kt"]
+        {
+            assert!(parse_speeds(bad).is_err(), "{bad}");
+        }
+    }
+}
