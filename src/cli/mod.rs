@@ -12,7 +12,8 @@ mod man;
 mod new;
 pub mod output;
 mod schema;
-mod trim;
+pub(crate) mod trim;
+mod validate;
 
 use std::process::ExitCode;
 
@@ -43,6 +44,8 @@ pub struct Cli {
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
     Trim(trim::Trim),
+    /// Compare with every number of the reference paper
+    Validate(validate::Validate),
     /// Check a problem file and show what was understood
     Check(check::Check),
     /// Write the JSON Schema of problem files, for editors
@@ -59,6 +62,7 @@ impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
             Command::Trim(command) => command.run(),
+            Command::Validate(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),
             Command::New(command) => command.run(),
