@@ -13,7 +13,9 @@ mod new;
 pub mod output;
 mod schema;
 pub(crate) mod trim;
+mod tune;
 mod validate;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -44,6 +46,10 @@ pub struct Cli {
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
     Trim(trim::Trim),
+    /// Tune a gain schedule to a specification, and verify it
+    TuneGains(tune::Tune),
+    /// Verify a gain schedule against a specification
+    Verify(verify::Verify),
     /// Compare with every number of the reference paper
     Validate(validate::Validate),
     /// Check a problem file and show what was understood
@@ -62,6 +68,8 @@ impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
             Command::Trim(command) => command.run(),
+            Command::TuneGains(command) => command.run(),
+            Command::Verify(command) => command.run(),
             Command::Validate(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),

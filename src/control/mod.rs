@@ -12,10 +12,12 @@
 //! * [`models`]: from a problem to the plants of every model and speed.
 //! * [`verify`]: dense verification, authority, design margins.
 //! * [`design`]: from a specification to a tuned law.
+//! * [`explain`]: conflicts, best attainable values and prices.
 //! * [`testbed`]: plants from published matrices for tests and benchmarks.
 
 pub mod axis;
 pub mod design;
+pub mod explain;
 pub mod kite;
 pub mod law;
 pub mod loops;

@@ -126,11 +126,9 @@ pub fn build(
                 .map(|(point, &speed)| {
                     let reason = point.status.word().to_string();
                     let trim_point = airframe(&point);
-                    let converged = point.into_converged().map_err(|_| ModelsError::Trim {
-                        model: name(),
-                        speed,
-                        reason,
-                    })?;
+                    let Ok(converged) = point.into_converged() else {
+                        return Ok(Err(LeftOut { model: name(), speed, reason }));
+                    };
                     let full = averaged(&vehicle, &converged, &linearize::Options::default())
                         .map_err(|source| ModelsError::Linear { model: name(), speed, source })?;
                     from_state_space(&full, speed, trim_point)
