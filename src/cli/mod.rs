@@ -5,10 +5,14 @@
 //! [`Outcome`], or a [`CliError`] that knows its exit code.
 
 pub mod args;
+mod bode;
 mod check;
 mod completions;
 mod error;
+mod linearize;
 mod man;
+mod models;
+mod modes;
 mod new;
 pub mod output;
 mod schema;
@@ -44,6 +48,12 @@ pub struct Cli {
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
     Trim(trim::Trim),
+    /// Linear models of a trim: periodic, averaged, harmonic, reduced
+    Linearize(linearize::Linearize),
+    /// Eigenvalues or Floquet exponents of a trim, and what they are
+    Modes(modes::Modes),
+    /// Frequency responses of a trim
+    Bode(bode::Bode),
     /// Compare with every number of the reference paper
     Validate(validate::Validate),
     /// Check a problem file and show what was understood
@@ -62,6 +72,9 @@ impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
             Command::Trim(command) => command.run(),
+            Command::Linearize(command) => command.run(),
+            Command::Modes(command) => command.run(),
+            Command::Bode(command) => command.run(),
             Command::Validate(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),
