@@ -37,8 +37,8 @@ pub struct Bode {
     /// averaged or harmonic:N
     #[arg(long, value_name = "MODEL", default_value = "averaged", value_parser = model)]
     model: Choice,
-    /// Inputs, such as lat,lon [default: with no output either, the one that moves each of p, q, w
-    /// and r most; otherwise all]
+    /// Inputs, such as lat,lon [default: with no output either, the one for each of p, q, w and r;
+    /// otherwise all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     input: Vec<String>,
     /// Outputs, such as p,q [default: p,q,w,r]
@@ -62,8 +62,8 @@ pub struct Bode {
     #[command(flatten)]
     units: UnitsArgs,
     /// File to write instead of standard output
-    #[arg(short = 'o', long = "output-file", value_name = "FILE")]
-    file: Option<PathBuf>,
+    #[arg(short = 'o', long, value_name = "FILE")]
+    output_file: Option<PathBuf>,
     /// Replace files that are already there
     #[arg(long)]
     force: bool,
@@ -113,7 +113,7 @@ struct Pair {
 impl Bode {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         // `--output` names an output of the model here, not a file.
-        let files = OutputArgs { output: self.file.clone(), force: self.force };
+        let files = OutputArgs { output: self.output_file.clone(), force: self.force };
         files.check()?;
         if let Some(path) = &self.plot {
             files.check_path(path)?;

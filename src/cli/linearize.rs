@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::args::{OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::bode::speed_text;
 use super::models::{
-    Choice, Flown, Inputs, PointArgs, ReduceArgs, Reduced, choice_among, compared_frequencies, fly,
-    on_axis, trust,
+    Choice, Flown, Inputs, PointArgs, ReduceArgs, Reduced, bands, choice_among,
+    compared_frequencies, fly, on_axis, trust,
 };
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
@@ -31,7 +31,7 @@ use crate::report::figures::{
     BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, gain_schedule_figure,
 };
 use crate::report::plot::Figure;
-use crate::report::table::{Cell, Coloring, Column, Digits, Table};
+use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::trim::{ConvergedTrim, FlightCondition};
 use crate::units::{Kind, System};
 
@@ -47,7 +47,7 @@ const EXPONENTS_SHOWN: usize = 8;
 const ERROR_SHOWN: [f64; 7] = [0.1, 0.3, 1.0, 3.0, 5.0, 10.0, 20.0];
 
 /// Entries shown over speed: name, row, column.
-const DERIVATIVES: [(&str, &str, &str); 16] = [
+const DERIVATIVES: [(&str, &str, &str); 15] = [
     ("X_u", "u", "u"),
     ("Z_u", "w", "u"),
     ("M_u", "q", "u"),
@@ -62,7 +62,6 @@ const DERIVATIVES: [(&str, &str, &str); 16] = [
     ("L_lat", "p", "lat"),
     ("M_lon", "q", "lon"),
     ("Z_col", "w", "col"),
-    ("N_col", "r", "col"),
     ("N_ped", "r", "ped"),
 ];
 
@@ -619,17 +618,21 @@ fn reduction_tables(reduced: &Reduced) -> String {
         }
     }
     let mut columns = vec![Column::text("output")];
-    columns
-        .extend(error.inputs.iter().map(|name| Column::number(name, "rad/s", Digits::Decimals(2))));
+    columns.extend(error.inputs.iter().map(|name| Column::text(name)));
     let mut channels = Table::new(
-        &format!("Frequency up to which each channel is within {:.0} %", 100.0 * error.tolerance),
+        &format!(
+            "Frequencies, rad/s, between which each channel is within {:.0} %",
+            100.0 * error.tolerance
+        ),
         columns,
     );
-    for (output, row) in error.outputs.iter().zip(&error.channel_trusted_up_to) {
+    for (i, output) in error.outputs.iter().enumerate() {
         let mut cells = vec![Cell::from(output.as_str())];
-        cells.extend(row.iter().map(|limit| match limit {
-            Some(limit) => Cell::from(*limit),
-            None => Cell::from("nowhere"),
+        cells.extend((0..error.inputs.len()).map(|j| {
+            let widest = bands(&error.omega, error.tolerance, |k| error.channels[k][(i, j)])
+                .into_iter()
+                .reduce(|x, y| if y.1 / y.0 > x.1 / x.0 { y } else { x });
+            Cell::from(widest.map_or_else(|| "-".into(), |(a, b)| format!("{a:.2} to {b:.2}")))
         }));
         channels.row(cells);
     }
@@ -745,16 +748,31 @@ fn midpoint_table(set: &ModelSet, checks: &[MidpointCheck]) -> String {
             Column::number("response off by", "%", Digits::Significant(2)),
         ],
     );
+    let mut coarse = Vec::new();
     for check in checks {
+        let knots = Kind::Airspeed.from_si(check.speed, System::Us);
+        let response = check.response.sigma_max.iter().copied().fold(0.0, f64::max);
+        let good = response <= check.response.tolerance;
+        if !good {
+            coarse.push(speed_text(knots));
+        }
         table.row([
-            Cell::from(Kind::Airspeed.from_si(check.speed, System::Us)),
+            Cell::from(knots),
             Cell::from(100.0 * check.entry_error),
             Cell::from(check.entry.as_str()),
             Cell::from(check.eigenvalue_error),
-            Cell::from(100.0 * check.response.sigma_max.iter().copied().fold(0.0, f64::max)),
+            Cell::from(100.0 * response).highlight(if good {
+                Highlight::Plain
+            } else {
+                Highlight::Warning
+            }),
         ]);
     }
-    format!("\n{}", table.to_text(Coloring::for_stdout()))
+    let mut text = format!("\n{}", table.to_text(Coloring::for_stdout()));
+    if !coarse.is_empty() {
+        text += &format!("The set is too coarse at {}: add speeds there.\n", coarse.join(", "));
+    }
+    text
 }
 
 /// On-axis responses of the models, full and reduced.

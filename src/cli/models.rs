@@ -329,19 +329,48 @@ impl Reduced {
     }
 }
 
+/// Intervals of the grid, rad/s, in which an error stays within a tolerance.
+pub(super) fn bands(
+    omega: &[f64],
+    tolerance: f64,
+    error: impl Fn(usize) -> f64,
+) -> Vec<(f64, f64)> {
+    let mut found: Vec<(f64, f64)> = Vec::new();
+    let mut inside = false;
+    for (k, &w) in omega.iter().enumerate() {
+        let good = error(k) <= tolerance;
+        match found.last_mut() {
+            Some(band) if good && inside => band.1 = w,
+            _ if good => found.push((w, w)),
+            _ => {}
+        }
+        inside = good;
+    }
+    found
+}
+
 /// How far an approximation may be trusted, in words.
 pub(super) fn trust(error: &ResponseError) -> String {
     let percent = 100.0 * error.tolerance;
-    let last = error.omega.last().copied();
-    match error.trusted_up_to {
-        Some(omega) if Some(omega) == last => {
-            format!("within {percent:.0} % over the whole range, up to {omega:.3} rad/s")
+    let first = error.omega.first().copied().unwrap_or(0.0);
+    let last = error.omega.last().copied().unwrap_or(0.0);
+    let good = bands(&error.omega, error.tolerance, |k| error.sigma_max[k]);
+    let parts: Vec<String> = good
+        .iter()
+        .map(|&(from, to)| {
+            if from == first {
+                format!("up to {to:.3} rad/s")
+            } else {
+                format!("from {from:.3} to {to:.3} rad/s")
+            }
+        })
+        .collect();
+    match good.as_slice() {
+        [] => format!("off by more than {percent:.0} % everywhere from {first} to {last} rad/s"),
+        [(from, to)] if *from == first && *to == last => {
+            format!("within {percent:.0} % over the whole range, {first} to {last} rad/s")
         }
-        Some(omega) => format!("within {percent:.0} % up to {omega:.3} rad/s"),
-        None => format!(
-            "off by more than {percent:.0} % at every frequency from {:.3} rad/s on",
-            error.omega.first().copied().unwrap_or(0.0)
-        ),
+        _ => format!("within {percent:.0} % {}", parts.join(" and ")),
     }
 }
 
@@ -458,14 +487,23 @@ impl From<LinearError> for CliError {
     }
 }
 
-/// The pairs that a pilot looks at: for each of p, q, w and r the input that
-/// moves it most at 1 rad/s.
+/// The pairs that a pilot looks at: the sticks with the motion that each is
+/// for, or else for each of p, q, w and r the input that moves it most at
+/// 1 rad/s.
 ///
 /// # Errors
 /// A model without these outputs, or with an undamped mode at 1 rad/s.
 pub(super) fn on_axis(model: &StateSpace) -> Result<Vec<(String, String)>, LinearError> {
+    let outputs = ["p", "q", "w", "r"];
+    if STICKS.iter().all(|stick| model.input(stick).is_ok()) {
+        return Ok(STICKS
+            .iter()
+            .zip(outputs)
+            .map(|(stick, output)| ((*stick).to_owned(), output.to_owned()))
+            .collect());
+    }
     let response = crate::linear::frequency::frequency_response(model, &[1.0])?;
-    ["p", "q", "w", "r"]
+    outputs
         .into_iter()
         .map(|output| {
             let row = model.output(output)?;
@@ -485,6 +523,15 @@ fn size_of_input(model: &StateSpace, j: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bands_of_a_grid() {
+        let omega = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let error = [0.2, 0.1, 0.0, 0.3, 0.05, 0.05];
+        assert_eq!(bands(&omega, 0.1, |k| error[k]), [(2.0, 3.0), (5.0, 6.0)]);
+        assert_eq!(bands(&omega, 0.01, |k| error[k]), [(3.0, 3.0)]);
+        assert!(bands(&omega, -1.0, |k| error[k]).is_empty());
+    }
 
     #[test]
     fn models_by_name() {

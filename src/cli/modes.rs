@@ -19,6 +19,7 @@ use crate::linear::reference::{Condition, appendix};
 use crate::linear::{LinearError, PeriodicModel, StateSpace};
 use crate::problem::Problem;
 use crate::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
+use crate::report::plot::Legend;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::units::{Kind, System};
 
@@ -470,5 +471,6 @@ fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
         real: Some((low - margin, high + margin)),
         imaginary: Some((-0.04 * top, 1.1 * top)),
     });
-    eigenvalue_figure(title, &sets, &views)
+    // Inside, the legend would hide eigenvalues.
+    eigenvalue_figure(title, &sets, &views).legend(Legend::Above)
 }
