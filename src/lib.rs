@@ -9,6 +9,7 @@
 //! * [`trim`]: the periodic orbit of a flight condition.
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
+//! * [`schedule`]: the gain schedule as a file.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
 
@@ -18,6 +19,7 @@ pub mod linear;
 pub mod numerics;
 pub mod problem;
 pub mod report;
+pub mod schedule;
 pub mod trim;
 pub mod units;
 pub mod vehicle;

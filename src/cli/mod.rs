@@ -17,7 +17,9 @@ mod new;
 pub mod output;
 mod schema;
 pub(crate) mod trim;
+mod tune;
 mod validate;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -48,6 +50,10 @@ pub struct Cli {
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
     Trim(trim::Trim),
+    /// Tune a gain schedule to a specification, and verify it
+    TuneGains(tune::Tune),
+    /// Verify a gain schedule against a specification
+    Verify(verify::Verify),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -72,6 +78,8 @@ impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
             Command::Trim(command) => command.run(),
+            Command::TuneGains(command) => command.run(),
+            Command::Verify(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

@@ -6,14 +6,26 @@
 //! * [`metrics`]: margins, disturbance rejection, bandwidth: one definition each.
 //! * [`kite`]: the region around −1 that margins forbid.
 //! * [`tuning`]: gains by a sequence of conic programs.
+//! * [`spec`]: the specification file.
 //! * [`stability`]: closed-loop eigenvalues of the full order.
+//! * [`law`]: the law over speed, and stepping in discrete time.
+//! * [`models`]: from a problem to the plants of every model and speed.
+//! * [`verify`]: dense verification, authority, design margins.
+//! * [`design`]: from a specification to a tuned law.
+//! * [`explain`]: conflicts, best attainable values and prices.
 //! * [`testbed`]: plants from published matrices for tests and benchmarks.
 
 pub mod axis;
+pub mod design;
+pub mod explain;
 pub mod kite;
+pub mod law;
 pub mod loops;
 pub mod metrics;
+pub mod models;
 pub mod plant;
+pub mod spec;
 pub mod stability;
 pub mod testbed;
 pub mod tuning;
+pub mod verify;

@@ -315,6 +315,9 @@ const MARGIN_DISTANCE: f64 = 0.5;
 const PEAK_BAND: f64 = 25.0;
 /// A violation beyond this, in slack units, makes other starts worth trying.
 const RESCUE_VIOLATION: f64 = 2e-3;
+/// Longest chord of a Nyquist curve near its kite; the sag of an arc of
+/// radius 0.5 over it is 0.0009, a twentieth of a degree.
+const LONGEST_CHORD: f64 = 0.06;
 /// Programs per such start at most.
 const RESCUE_ITERATIONS: usize = 10;
 /// Price of a unit of K_I/K_P ratio violation.
@@ -987,6 +990,8 @@ struct Run<'a> {
     models: &'a [Vec<LoopModel>],
     speeds: &'a [f64],
     options: &'a TuningOptions,
+    /// Whether other starts are tried where a requirement is missed.
+    rescue: bool,
 }
 
 struct Sweeps {
@@ -1071,7 +1076,8 @@ impl Run<'_> {
                 continue;
             }
             for (place, &(channel, spec)) in group.iter().enumerate() {
-                if sweeps == 0
+                if self.rescue
+                    && sweeps == 0
                     && merits[place].1.worst() > RESCUE_VIOLATION
                     && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
                 {
@@ -1085,6 +1091,54 @@ impl Run<'_> {
             }
         }
         Ok(Sweeps { merits, sweeps, last_change })
+    }
+
+    /// The grid with points added where a Nyquist curve passes close to its
+    /// kite and its chord is long: between two points it may bulge inwards.
+    fn refined_grid(
+        &self,
+        grid: &[f64],
+        group: &[(Channel, ChannelSpec)],
+        gains: &[GainSet],
+    ) -> Arc<[f64]> {
+        let mut parts = vec![1usize; grid.len()];
+        for (channel, spec) in group {
+            let problem = ChannelProblem::new(
+                *channel,
+                spec,
+                self.classes,
+                self.models,
+                self.speeds,
+                gains,
+                1.0,
+                self.options,
+            );
+            let x = problem.values(gains);
+            for site in &problem.sites {
+                for (cut, kite) in site.kites.iter().enumerate() {
+                    let curve = site.loops.loop_curve(cut, &x[site.speed]);
+                    for k in 0..grid.len() - 1 {
+                        let chord = (curve[k + 1] - curve[k]).norm();
+                        if chord > LONGEST_CHORD
+                            && chord < 2.0
+                            && kite.separation(curve[k], curve[k + 1]) < 0.5 * chord
+                        {
+                            let wanted = (chord / LONGEST_CHORD).ceil() as usize;
+                            parts[k] = parts[k].max(wanted.min(8));
+                        }
+                    }
+                }
+            }
+        }
+        let mut out = Vec::with_capacity(grid.len());
+        for (k, &n) in parts.iter().enumerate() {
+            out.push(grid[k]);
+            if k + 1 < grid.len() {
+                let ratio = (grid[k + 1] / grid[k]).powf(1.0 / n as f64);
+                out.extend((1..n).map(|i| grid[k] * ratio.powi(i as i32)));
+            }
+        }
+        out.into()
     }
 
     /// Tries other starts for a channel that misses a requirement at some
@@ -1349,12 +1403,10 @@ impl TuningProblem<'_> {
         let classes: Vec<ModelClass> = self.set.models.iter().map(|m| m.class).collect();
         let inversions: Vec<Inversion> =
             self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
-        let grid = self.grid();
-        let models = self.loop_models(&inversions, &grid)?;
+        let mut grid = self.grid();
+        let mut models = self.loop_models(&inversions, &grid)?;
         let mut stats =
             TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
-        let run =
-            Run { classes: &classes, models: &models, speeds: &speeds, options: &self.options };
         let mut gains = match start {
             Some(start) => start.to_vec(),
             None => self.starts(&inversions)?,
@@ -1381,6 +1433,13 @@ impl TuningProblem<'_> {
             if group.is_empty() {
                 continue;
             }
+            let run = Run {
+                classes: &classes,
+                models: &models,
+                speeds: &speeds,
+                options: &self.options,
+                rescue: true,
+            };
             if is_outer {
                 for (g, s) in gains.iter_mut().zip(&outer_start) {
                     for (c, _) in &group {
@@ -1389,7 +1448,31 @@ impl TuningProblem<'_> {
                 }
                 self.slow_down_outer(&run, &inversions, &group, &mut gains);
             }
-            let done = run.sweeps(&group, &mut gains, &mut stats)?;
+            let mut done = run.sweeps(&group, &mut gains, &mut stats)?;
+            // Where a curve passes close to its kite in long strides, the
+            // grid is refined and the answer touched up.
+            let refined = run.refined_grid(&grid, &group, &gains);
+            if refined.len() > grid.len() {
+                let clock = Instant::now();
+                grid = refined;
+                models = self.loop_models(&inversions, &grid)?;
+                stats.assembly_time += clock.elapsed().as_secs_f64();
+                let options = TuningOptions {
+                    growth: Vec::new(),
+                    sweeps: 2,
+                    trust: LATER_TRUST[0],
+                    ..self.options.clone()
+                };
+                let run = Run {
+                    classes: &classes,
+                    models: &models,
+                    speeds: &speeds,
+                    options: &options,
+                    rescue: false,
+                };
+                let again = run.sweeps(&group, &mut gains, &mut stats)?;
+                done = Sweeps { sweeps: done.sweeps + again.sweeps, ..again };
+            }
             merits.extend(done.merits);
             sweeps = sweeps.max(done.sweeps);
             last_change = last_change.max(done.last_change);

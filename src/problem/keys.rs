@@ -68,7 +68,7 @@ pub enum Value {
     Quantity(Kind, Bounds),
     /// As many numbers without units.
     Numbers(usize, Bounds),
-    /// As many numbers with their units.
+    /// As many numbers with their units; 0 stands for one or more.
     Quantities(usize, Kind, Bounds),
     /// A lower and an upper limit, with their units.
     Limits(Kind, Bounds),
@@ -88,7 +88,7 @@ pub enum Value {
 
 /// Where a merge of two files stands in the format.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Level {
+pub(crate) enum Level {
     /// In a table with known keys.
     Keys(&'static Table),
     /// Among tables with names of the user's choice.
@@ -115,11 +115,11 @@ impl Table {
     }
 }
 
-const fn required(name: &'static str, value: Value, doc: &'static str) -> Key {
+pub(crate) const fn required(name: &'static str, value: Value, doc: &'static str) -> Key {
     Key { name, value, need: Need::Required, doc }
 }
 
-const fn default(
+pub(crate) const fn default(
     name: &'static str,
     value: Value,
     default: &'static str,
@@ -128,7 +128,7 @@ const fn default(
     Key { name, value, need: Need::Default(default), doc }
 }
 
-const fn optional(
+pub(crate) const fn optional(
     name: &'static str,
     value: Value,
     without: &'static str,
@@ -138,22 +138,22 @@ const fn optional(
 }
 
 /// Both bounds allowed.
-const fn from_to(low: &'static str, high: &'static str) -> Bounds {
+pub(crate) const fn from_to(low: &'static str, high: &'static str) -> Bounds {
     Bounds { low: Some((low, true)), high: Some((high, true)) }
 }
 
 /// The lower bound itself is not allowed.
-const fn above_to(low: &'static str, high: &'static str) -> Bounds {
+pub(crate) const fn above_to(low: &'static str, high: &'static str) -> Bounds {
     Bounds { low: Some((low, false)), high: Some((high, true)) }
 }
 
 /// The upper bound itself is not allowed.
-const fn from_below(low: &'static str, high: &'static str) -> Bounds {
+pub(crate) const fn from_below(low: &'static str, high: &'static str) -> Bounds {
     Bounds { low: Some((low, true)), high: Some((high, false)) }
 }
 
 /// Neither bound is allowed.
-const fn above_below(low: &'static str, high: &'static str) -> Bounds {
+pub(crate) const fn above_below(low: &'static str, high: &'static str) -> Bounds {
     Bounds { low: Some((low, false)), high: Some((high, false)) }
 }
 
@@ -612,6 +612,14 @@ static INFLOW: Table = Table {
             ]),
             "\"converged\"",
             "Quadrature of the interference coefficients.",
+        ),
+        default(
+            "mirrored_interference",
+            Value::Bool,
+            "true",
+            "Whether the lateral gradient of interference changes sign between rotors of opposite \
+             rotation, whose frames are mirror images, which is right, or keeps it, which the \
+             published matrices suggest.",
         ),
         default(
             "wash_core",

@@ -14,11 +14,11 @@ pub mod fuselage_table;
 pub mod keys;
 pub mod model;
 pub mod page;
-mod read;
+pub(crate) mod read;
 mod report;
 pub mod schema;
 mod source;
-mod tree;
+pub(crate) mod tree;
 
 pub use model::*;
 pub use read::nearest_help;

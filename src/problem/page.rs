@@ -191,6 +191,9 @@ fn value(key: &Key, path: &str) -> String {
         Value::Number(bounds) => format!("number, {}", words(bounds)),
         Value::Numbers(count, bounds) => format!("list of {count} numbers, each {}", words(bounds)),
         Value::Quantity(kind, bounds) => format!("{}, {}", kind.noun(), words(bounds)),
+        Value::Quantities(0, kind, bounds) => {
+            format!("list of one or more, each {}, {}", kind.noun(), words(bounds))
+        }
         Value::Quantities(count, kind, bounds) => {
             format!("list of {count}, each {}, {}", kind.noun(), words(bounds))
         }

@@ -13,7 +13,7 @@ use super::tree::{self, Entry, Node, Value as Tree};
 
 /// A value that has the form its key asks for, in SI and radians.
 #[derive(Debug)]
-pub(super) enum Checked {
+pub(crate) enum Checked {
     Text(String),
     Path(PathBuf),
     Bool(bool),
@@ -29,7 +29,7 @@ pub(super) enum Checked {
 /// A table whose keys have been checked. A key that failed is absent; its
 /// error has been reported.
 #[derive(Debug)]
-pub(super) struct CheckedTable {
+pub(crate) struct CheckedTable {
     /// Key path, such as `rotors.upper`.
     pub path: String,
     /// Where the table is named in the file.
@@ -62,6 +62,14 @@ impl CheckedTable {
     pub fn numbers<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         match self.get(key)? {
             Checked::Numbers(values) => values.as_slice().try_into().ok(),
+            other => unreachable!("{key} is {other:?}"),
+        }
+    }
+
+    /// A list of any length.
+    pub fn number_list(&self, key: &str) -> Option<Vec<f64>> {
+        match self.get(key)? {
+            Checked::Numbers(values) => Some(values.clone()),
             other => unreachable!("{key} is {other:?}"),
         }
     }
@@ -149,7 +157,7 @@ fn join(path: &str, key: &str) -> String {
 }
 
 /// The walk through a tree.
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     pub sources: &'a Sources,
     pub findings: &'a mut Vec<Diagnostic>,
     /// Index of the source that holds defaults while they are read.
@@ -347,7 +355,7 @@ impl Reader<'_> {
             }
             Value::Quantities(count, kind, bounds) => {
                 let form = quantities_form(&entry.name, *count, *kind);
-                let items = self.list(node, path, Some(*count), &form)?;
+                let items = self.list(node, path, (*count > 0).then_some(*count), &form)?;
                 let values = self.quantities(items, path, *kind, bounds)?;
                 Some(Checked::Numbers(values))
             }
@@ -686,7 +694,7 @@ fn inside(value: f64, kind: Kind, bounds: &Bounds) -> bool {
 }
 
 /// Bounds in words: `from 0 to 1`, `above 0 ft and at most 200 ft`.
-pub(super) fn words(bounds: &Bounds) -> String {
+pub(crate) fn words(bounds: &Bounds) -> String {
     match (bounds.low, bounds.high) {
         (Some((low, true)), Some((high, true))) => format!("from {low} to {high}"),
         (Some((low, true)), Some((high, false))) => format!("from {low} to below {high}"),
@@ -723,7 +731,7 @@ pub fn nearest_help<'a>(given: &str, known: impl Iterator<Item = &'a str>, what:
 
 fn quantities_form(name: &str, count: usize, kind: Kind) -> String {
     let unit = kind.usual_units()[0];
-    let items = vec![format!("\"10 {unit}\""); count];
+    let items = vec![format!("\"10 {unit}\""); count.max(1)];
     format!("{name} = [{}]", items.join(", "))
 }
 

@@ -38,7 +38,7 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// A finding at a place.
-    pub(super) fn at(
+    pub(crate) fn at(
         severity: Severity,
         sources: &Sources,
         place: &Place,
@@ -65,7 +65,7 @@ impl Diagnostic {
     }
 
     /// A finding about a whole file.
-    pub(super) fn whole_file(file: &str, message: String, help: String) -> Self {
+    pub(crate) fn whole_file(file: &str, message: String, help: String) -> Self {
         Self {
             severity: Severity::Error,
             file: file.into(),
@@ -132,7 +132,7 @@ pub struct Report {
 }
 
 impl Report {
-    pub(super) fn new(mut findings: Vec<Diagnostic>, unreadable: bool) -> Self {
+    pub(crate) fn new(mut findings: Vec<Diagnostic>, unreadable: bool) -> Self {
         sort(&mut findings);
         let (errors, warnings) =
             findings.into_iter().partition(|finding| finding.severity == Severity::Error);
@@ -160,7 +160,7 @@ impl Report {
 }
 
 /// Puts findings in the order of the files, from top to bottom.
-pub(super) fn sort(findings: &mut [Diagnostic]) {
+pub(crate) fn sort(findings: &mut [Diagnostic]) {
     findings.sort_by_key(|finding| (finding.order, finding.line, finding.column));
 }
 

@@ -160,6 +160,9 @@ fn value(value: &Value, complete: bool) -> Json {
         Value::Number(bounds) => number(bounds),
         Value::Quantity(kind, _) => quantity(*kind),
         Value::Numbers(count, bounds) => list(number(bounds), *count),
+        Value::Quantities(0, kind, _) => {
+            json!({ "type": "array", "items": quantity(*kind), "minItems": 1 })
+        }
         Value::Quantities(count, kind, _) => list(quantity(*kind), *count),
         Value::Limits(kind, _) => list(quantity(*kind), 2),
         Value::Choice(choices) => {

@@ -21,9 +21,9 @@ pub struct Sources {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// Index into [`Sources::files`].
-    pub(super) source: usize,
+    pub(crate) source: usize,
     /// Byte range in its text.
-    pub(super) span: Range<usize>,
+    pub(crate) span: Range<usize>,
 }
 
 impl Sources {
@@ -32,13 +32,13 @@ impl Sources {
         &self.files
     }
 
-    pub(super) fn add(&mut self, name: &str, text: String) -> usize {
+    pub(crate) fn add(&mut self, name: &str, text: String) -> usize {
         self.files.push(Source { name: name.into(), text });
         self.files.len() - 1
     }
 
     /// The text at a place, cut to what the source holds.
-    pub(super) fn slice(&self, place: &Place) -> &str {
+    pub(crate) fn slice(&self, place: &Place) -> &str {
         let text = &self.files[place.source].text;
         let end = place.span.end.min(text.len());
         text.get(place.span.start.min(end)..end).unwrap_or("")
@@ -58,7 +58,7 @@ impl Sources {
     }
 
     /// The place that covers one line (from 1) of a source, without its end.
-    pub(super) fn line(&self, source: usize, line: usize) -> Place {
+    pub(crate) fn line(&self, source: usize, line: usize) -> Place {
         let text = &self.files[source].text;
         let mut start = 0;
         for (index, whole) in text.split_inclusive('\n').enumerate() {

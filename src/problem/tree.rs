@@ -8,14 +8,14 @@ use super::source::{Place, Sources};
 
 /// A value and its place.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
+pub(crate) struct Node {
     pub value: Value,
     pub place: Place,
 }
 
 /// A TOML value. Tables keep the order of the file.
 #[derive(Debug, Clone)]
-pub(super) enum Value {
+pub(crate) enum Value {
     Text(String),
     Integer(i64),
     Float(f64),
@@ -27,7 +27,7 @@ pub(super) enum Value {
 
 /// A key of a table, with its value.
 #[derive(Debug, Clone)]
-pub(super) struct Entry {
+pub(crate) struct Entry {
     pub name: String,
     pub place: Place,
     pub node: Node,
@@ -49,7 +49,7 @@ impl Value {
 }
 
 /// Reads a source; syntax errors go to `findings`, and the rest is kept.
-pub(super) fn parse(sources: &Sources, source: usize, findings: &mut Vec<Diagnostic>) -> Node {
+pub(crate) fn parse(sources: &Sources, source: usize, findings: &mut Vec<Diagnostic>) -> Node {
     let text = &sources.files()[source].text;
     let (table, errors) = DeTable::parse_recoverable(text);
     for error in errors {
@@ -83,7 +83,7 @@ fn syntax_help(message: &str) -> &'static str {
 }
 
 /// Reads one value, for defaults, which are written as TOML.
-pub(super) fn parse_value(text: &str, source: usize) -> Option<Node> {
+pub(crate) fn parse_value(text: &str, source: usize) -> Option<Node> {
     let value = DeValue::parse(text).ok()?;
     Some(node(value.get_ref(), value.span(), source))
 }
@@ -127,7 +127,7 @@ fn node(value: &DeValue<'_>, span: std::ops::Range<usize>, source: usize) -> Nod
 /// Lays an extending table over its base: tables merge key by key, everything
 /// else replaces. Where the keys offer alternatives, choosing another one
 /// drops what the base had chosen.
-pub(super) fn merge(base: &mut Vec<Entry>, over: Vec<Entry>, level: Option<Level>) {
+pub(crate) fn merge(base: &mut Vec<Entry>, over: Vec<Entry>, level: Option<Level>) {
     if let Some(Level::Keys(table)) = level {
         let holds = |group: &&&[&str], name: &str| group.contains(&name);
         let chosen: Vec<_> = table

@@ -225,7 +225,11 @@ impl Vehicle {
                     offset: unmirrored(source, &receiver.position_body).into(),
                     receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
-                    receiver_mirrored: receiver.frame.handedness < 0.0,
+                    receiver_mirrored: if self.inflow.mirrored_interference {
+                        receiver.frame.handedness < 0.0
+                    } else {
+                        source.frame.handedness < 0.0
+                    },
                 };
                 Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {

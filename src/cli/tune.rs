@@ -1,0 +1,708 @@
+//! `coaxdesign tune-gains`.
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::{CliError, Outcome, output};
+use crate::control::axis::Channel;
+use crate::control::design::{Design, DesignError, design};
+use crate::control::explain::{Explanation, explain};
+use crate::control::law::LawTable;
+use crate::control::models::{Built, LeftOut, ModelsError, build};
+use crate::control::plant::{ModelClass, ModelSet};
+use crate::control::spec::{self, Specification};
+use crate::control::tuning::TuningError;
+use crate::control::verify::{
+    Authority, BladeControl, Verification, VerifyError, authority, verify,
+};
+use crate::problem::Problem;
+use crate::report::figures::{
+    Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
+    gain_schedule_figure, heatmap_figure, nyquist_figure, sensitivity_figure,
+};
+use crate::report::progress::Progress;
+use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use crate::schedule::{Provenance, Schedule, hash};
+use crate::units::{Kind, System};
+
+/// Tune a gain schedule to a specification, verify it densely, and explain what is missed
+///
+/// Trims and linearises every model at every speed, tunes the gains of all speeds together by
+/// conic programs, and verifies the result at the speeds and between them.
+#[derive(Debug, Args)]
+pub struct Tune {
+    #[command(flatten)]
+    problem: ProblemArgs,
+    #[command(flatten)]
+    spec: SpecArgs,
+    /// Directory for schedule.json and verification.json
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Replace files that are already there
+    #[arg(long)]
+    force: bool,
+    /// Outer loops to tune; the inner axes are always tuned
+    #[arg(long = "axis", value_enum, value_name = "AXIS")]
+    axes: Vec<AxisName>,
+    /// Write the plots (SVG) to the output directory
+    #[arg(long, requires = "output")]
+    plot: bool,
+    /// Explain the hardest speed of every axis: attainable values, or prices
+    #[arg(long)]
+    explain: bool,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Axes by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AxisName {
+    /// Bank angle
+    Roll,
+    /// Pitch angle
+    Pitch,
+    /// Yaw rate
+    Yaw,
+    /// Vertical velocity
+    Heave,
+    /// Forward velocity
+    Vx,
+    /// Velocity to the right
+    Vy,
+}
+
+impl AxisName {
+    fn channel(self) -> Channel {
+        Channel::ALL[self as usize]
+    }
+}
+
+/// `--spec` and `--nominal-only`.
+#[derive(Debug, Clone, Args)]
+pub struct SpecArgs {
+    /// Specification file [default: the built-in Level 1 targets]
+    #[arg(long = "spec", value_name = "FILE")]
+    file: Option<PathBuf>,
+    /// Use only the first nominal model of the specification
+    #[arg(long)]
+    nominal_only: bool,
+}
+
+impl SpecArgs {
+    /// Reads the specification; also its text, for the hash.
+    pub(super) fn load(&self) -> Result<(Specification, String), CliError> {
+        let (mut spec, text) = match &self.file {
+            None => (spec::builtin()?, spec::BUILTIN.to_string()),
+            Some(path) => {
+                let spec = spec::load(path)?;
+                let text = std::fs::read_to_string(path)
+                    .map_err(|source| CliError::Io { path: path.clone(), source })?;
+                (spec, text)
+            }
+        };
+        if self.nominal_only {
+            spec.models.truncate(1);
+        }
+        Ok((spec, text))
+    }
+}
+
+/// Middles between speeds, and further speeds asked for.
+pub(super) fn verification_speeds(breakpoints: &[f64], more: &[f64]) -> Vec<f64> {
+    let mut speeds = breakpoints.to_vec();
+    speeds.extend(breakpoints.windows(2).map(|w| 0.5 * (w[0] + w[1])));
+    speeds.extend_from_slice(more);
+    speeds.sort_by(f64::total_cmp);
+    speeds.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+    speeds
+}
+
+/// Plants of every model at these speeds, with progress.
+pub(super) fn plants(
+    problem: &Problem,
+    spec: &Specification,
+    speeds: &[f64],
+    quiet: bool,
+) -> Result<Built, CliError> {
+    let steps = (speeds.len() * spec.models.len()) as u64;
+    let progress = Progress::new("trim and linear models", steps, quiet);
+    let built = build(problem, &spec.models, speeds, &|| progress.advance());
+    progress.finish();
+    built.map_err(|error| match error {
+        ModelsError::Vehicle { source, .. } => CliError::Vehicle(source),
+        other => usage(
+            other.to_string(),
+            "look at the trim by itself with `coaxdesign trim`, and choose the speeds of the \
+             specification within the aircraft's reach",
+        ),
+    })
+}
+
+pub(super) fn usage(message: String, help: &str) -> CliError {
+    CliError::Usage { message, help: help.into() }
+}
+
+pub(super) fn verify_error(error: &VerifyError) -> CliError {
+    usage(error.to_string(), "look at the models with `coaxdesign linearize`")
+}
+
+/// Blade controls of a problem.
+pub(super) fn blades(problem: &Problem) -> Vec<BladeControl> {
+    let c = &problem.controls;
+    let mut out = Vec::new();
+    for (k, (rotor, mix)) in problem.rotors.iter().zip(&c.mix).enumerate() {
+        let parts = [
+            ("collective", mix.theta_0, c.collective_limits[k]),
+            ("theta_1c", mix.theta_1c, c.cyclic_limits[k]),
+            ("theta_1s", mix.theta_1s, c.cyclic_limits[k]),
+        ];
+        for (i, (name, gain, limits)) in parts.into_iter().enumerate() {
+            out.push(BladeControl {
+                name: format!("{} {name}", rotor.name),
+                gain,
+                offset: mix.rigging[i],
+                limits,
+            });
+        }
+    }
+    out
+}
+
+/// The plants at some of the speeds of a set.
+fn subset(set: &ModelSet, speeds: &[f64]) -> ModelSet {
+    ModelSet {
+        models: set.models.clone(),
+        plants: set
+            .plants
+            .iter()
+            .filter(|p| speeds.iter().any(|v| (v - p[0].speed).abs() < 1e-6))
+            .cloned()
+            .collect(),
+    }
+}
+
+impl Tune {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        self.run.start()?;
+        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
+        let (spec, spec_text) = self.spec.load()?;
+        let system = self.units.system();
+        let paths = self.output.as_ref().map(|d| Paths::new(d, &spec, self.plot));
+        if let Some(paths) = &paths {
+            for path in paths.all() {
+                if path.exists() && !self.force {
+                    return Err(CliError::Exists { path });
+                }
+            }
+        }
+        let problem = &loaded.problem;
+        let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
+        let built = plants(problem, &spec, &speeds, self.run.quiet)?;
+        let set = &built.set;
+        let nodes = subset(set, &spec.speeds);
+        if nodes.plants.is_empty() {
+            return Err(usage(
+                "no model trims at any speed of the schedule".into(),
+                "look at the trim by itself with `coaxdesign trim`",
+            ));
+        }
+        let progress = Progress::new("tuning", 1, self.run.quiet);
+        let only: Vec<Channel> = self.axes.iter().map(|a| a.channel()).collect();
+        let design = design(&spec, &nodes, &only);
+        progress.finish();
+        let design = design.map_err(|error| match error {
+            DesignError::Tuning(TuningError::Unstabilisable { .. }) => usage(
+                error.to_string(),
+                "no gains of this law's structure were found to stabilise it: less delay, or \
+                 another speed range",
+            ),
+            DesignError::NoChannel => {
+                usage(error.to_string(), "name axes that the specification has a table for")
+            }
+            other => usage(other.to_string(), "look at the models with `coaxdesign linearize`"),
+        })?;
+        let verification = verify(&design.table, set, &spec.hardware, &spec)
+            .map_err(|error| verify_error(&error))?;
+        let limits = problem.controls.stick_limits;
+        let checks = authority(&design.table, &spec.hardware, &spec, &blades(problem), &limits);
+        let explanations =
+            self.explanations(&spec, &nodes, &design.table, &verification, &built.left_out)?;
+        let met = verification.passed && built.left_out.is_empty();
+
+        let provenance = Provenance {
+            generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
+            problem_hash: hash(loaded.sources.files().iter().map(|f| f.text.as_str())),
+            specification_hash: hash([spec_text.as_str()]),
+        };
+        let schedule =
+            Schedule::new(&problem.name, &design.table, spec.hardware, limits, met, provenance);
+        if let Some(paths) = &paths {
+            std::fs::create_dir_all(&paths.directory)
+                .map_err(|source| CliError::Io { path: paths.directory.clone(), source })?;
+            let text = schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
+            output::write_whole(&paths.schedule, text.as_bytes(), self.force)?;
+            let text = verification_json(&verification, &checks, &explanations, &built.left_out)?;
+            output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
+            if self.plot {
+                for (path, svg) in plots(paths, &design, &nodes, &spec, &verification, system)? {
+                    output::write_whole(&path, svg.as_bytes(), self.force)?;
+                }
+            }
+        }
+        match self.format.format {
+            Format::Json => {
+                let text =
+                    verification_json(&verification, &checks, &explanations, &built.left_out)?;
+                output::print(&text)?;
+            }
+            Format::Csv => output::print(&rows_table(&verification, system, true).to_csv())?,
+            Format::Table => {
+                let coloring = Coloring::for_stdout();
+                let mut text = lag_text(&design, system);
+                text += &gains_table(&design.table, system).to_text(coloring);
+                text.push('\n');
+                text += &report_text(&verification, system, coloring);
+                text += &authority_text(&checks, system);
+                text += &explanations_text(&explanations, system);
+                text += &left_out_text(&built.left_out, system);
+                if let Some(paths) = &paths {
+                    text += &format!("Wrote {}.\n", paths.directory.display());
+                }
+                if !met {
+                    text += "The specification is not met: this is the least-violating design \
+                             that was found.\n";
+                }
+                output::print(&text)?;
+            }
+        }
+        Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
+    }
+
+    /// Explains, for every axis, the nominal breakpoint with the least design
+    /// margin: always where a requirement is missed there, else on request.
+    fn explanations(
+        &self,
+        spec: &Specification,
+        nodes: &ModelSet,
+        table: &LawTable,
+        verification: &Verification,
+        _left_out: &[LeftOut],
+    ) -> Result<Vec<Explanation>, CliError> {
+        let mut out = Vec::new();
+        for requirement in &spec.channels {
+            let hardest = verification
+                .rows
+                .iter()
+                .filter(|r| {
+                    r.axis == requirement.channel.name()
+                        && r.class == ModelClass::Nominal
+                        && r.model == nodes.models[0].name
+                        && r.breakpoint
+                        && r.design_margin_percent.is_some()
+                })
+                .min_by(|a, b| {
+                    let m =
+                        |r: &crate::control::verify::Row| r.design_margin_percent.unwrap_or(0.0);
+                    m(a).total_cmp(&m(b))
+                });
+            let Some(row) = hardest else { continue };
+            if row.passed && !self.explain {
+                continue;
+            }
+            let plant = nodes.plants.iter().find(|p| (p[0].speed - row.speed_m_s).abs() < 1e-6);
+            let Some(plant) = plant else { continue };
+            let point = table.at(row.speed_m_s);
+            out.push(
+                explain(spec, &table.settings, &plant[0], &point, requirement)
+                    .map_err(|e| CliError::Internal(e.to_string()))?,
+            );
+        }
+        Ok(out)
+    }
+}
+
+/// Files of a design.
+struct Paths {
+    directory: PathBuf,
+    schedule: PathBuf,
+    verification: PathBuf,
+    plots: Vec<PathBuf>,
+}
+
+impl Paths {
+    fn new(directory: &Path, spec: &Specification, plot: bool) -> Self {
+        let mut plots = Vec::new();
+        if plot {
+            plots
+                .extend(["gains.svg", "margins.svg", "sensitivity.svg"].map(|n| directory.join(n)));
+            for c in &spec.channels {
+                plots.push(directory.join(format!("nyquist-{}.svg", c.channel)));
+            }
+        }
+        Self {
+            schedule: directory.join("schedule.json"),
+            verification: directory.join("verification.json"),
+            directory: directory.into(),
+            plots,
+        }
+    }
+
+    fn all(&self) -> Vec<PathBuf> {
+        let mut all = vec![self.schedule.clone(), self.verification.clone()];
+        all.extend(self.plots.iter().cloned());
+        all
+    }
+}
+
+pub(super) fn verification_json(
+    verification: &Verification,
+    authority: &[Authority],
+    explanations: &[Explanation],
+    left_out: &[LeftOut],
+) -> Result<String, CliError> {
+    let mut value =
+        serde_json::to_value(verification).map_err(|e| CliError::Internal(e.to_string()))?;
+    value["authority"] = json!(authority);
+    value["explanations"] = json!(explanations);
+    value["left_out"] = left_out
+        .iter()
+        .map(|l| json!({ "model": l.model, "speed_m_s": l.speed, "reason": l.reason }))
+        .collect();
+    let text =
+        serde_json::to_string_pretty(&value).map_err(|e| CliError::Internal(e.to_string()))?;
+    Ok(text + "\n")
+}
+
+fn speed(value: f64, system: System) -> f64 {
+    Kind::Airspeed.from_si(value, system)
+}
+
+fn speed_text(value: f64, system: System) -> String {
+    format!("{:.0} {}", speed(value, system), Kind::Airspeed.symbol(system))
+}
+
+fn lag_text(design: &Design, system: System) -> String {
+    let mut text = String::from(
+        "Lag law: what the hardware and the rotor allow at a phase margin of 45 deg and gain \
+         margins of 6 dB\n",
+    );
+    for (axis, v, lag) in &design.lag {
+        text += &format!(
+            "  {axis:5} {:>7}: equivalent delay {:.3} s, DRB up to about {:.2} rad/s, crossover \
+             {:.1} rad/s\n",
+            speed_text(*v, system),
+            lag.equivalent_delay_s,
+            lag.largest_drb_rad_s,
+            lag.crossover_rad_s
+        );
+    }
+    text.push('\n');
+    text
+}
+
+fn gains_table(table: &LawTable, system: System) -> Table {
+    let unit = Kind::Airspeed.symbol(system);
+    let mut columns = vec![Column::number("speed", unit, Digits::Decimals(0))];
+    let digits = Digits::Significant(4);
+    for c in Channel::ALL {
+        for g in c.gains() {
+            let letter = ["K_D", "K_P", "K_I"][g.index()];
+            columns.push(Column::number(&format!("{c} {letter}"), "", digits));
+        }
+    }
+    let mut out = Table::new("Gains", columns);
+    for p in table.points() {
+        let mut cells: Vec<Cell> = vec![speed(p.speed, system).into()];
+        for c in Channel::ALL {
+            for v in p.gains[c.index()].values(c) {
+                cells.push(if p.gains[c.index()] == Default::default() {
+                    Cell::empty()
+                } else {
+                    v.into()
+                });
+            }
+        }
+        out.row(cells);
+    }
+    out
+}
+
+/// Rows of a verification; only the first model's unless `all`.
+pub(super) fn rows_table(v: &Verification, system: System, all: bool) -> Table {
+    let unit = Kind::Airspeed.symbol(system);
+    let two = Digits::Decimals(2);
+    let one = Digits::Decimals(1);
+    let columns = vec![
+        Column::text("axis"),
+        Column::number("speed", unit, Digits::Decimals(0)),
+        Column::text("model"),
+        Column::number("DRB", "rad/s", Digits::Decimals(3)),
+        Column::number("DRP", "dB", two),
+        Column::number("crossover", "rad/s", two),
+        Column::number("GM up", "dB", one),
+        Column::number("GM down", "dB", one),
+        Column::number("PM", "deg", one),
+        Column::number("disk", "", two),
+        Column::number("activity", "%", Digits::Significant(4)),
+        Column::number("design margin", "%", Digits::Decimals(0)),
+        Column::text("binding"),
+        Column::text(""),
+    ];
+    let first = v.rows.first().map(|r| r.model.clone()).unwrap_or_default();
+    let title = if all { "Verification" } else { "Verification, nominal model" };
+    let mut table = Table::new(title, columns);
+    let mut rows: Vec<_> = v.rows.iter().filter(|r| all || r.model == first || !r.passed).collect();
+    let place = |name: &str| Channel::ALL.iter().position(|c| c.name() == name);
+    rows.sort_by(|a, b| {
+        place(&a.axis).cmp(&place(&b.axis)).then(a.speed_m_s.total_cmp(&b.speed_m_s))
+    });
+    for r in rows {
+        let word = if r.passed { "met" } else { "MISSED" };
+        let highlight = if r.passed { Highlight::Good } else { Highlight::Bad };
+        table.row([
+            Cell::from(r.axis.as_str()),
+            speed(r.speed_m_s, system).into(),
+            r.model.as_str().into(),
+            r.drb_rad_s.into(),
+            r.drp_db.into(),
+            r.crossover_rad_s.into(),
+            r.gm_up_db.into(),
+            r.gm_down_db.into(),
+            r.pm_deg.into(),
+            r.disk_margin.into(),
+            r.activity.into(),
+            r.design_margin_percent.into(),
+            r.binding.as_deref().unwrap_or("").into(),
+            Cell::from(word).highlight(highlight),
+        ]);
+    }
+    table
+}
+
+pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) -> String {
+    let mut text = rows_table(v, system, false).to_text(coloring);
+    let count = |f: &dyn Fn(&&crate::control::verify::Row) -> bool| v.rows.iter().filter(f).count();
+    let nominal = |r: &&crate::control::verify::Row| r.class == ModelClass::Nominal;
+    text += &format!(
+        "\n{} of {} nominal rows met, {} of {} off-nominal rows met, {} of {} closed loops \
+         stable.\n",
+        count(&|r| nominal(r) && r.passed),
+        count(&nominal),
+        count(&|r| !nominal(r) && r.passed),
+        count(&|r| !nominal(r)),
+        v.stability.iter().filter(|s| s.passed).count(),
+        v.stability.len()
+    );
+    for s in v.stability.iter().filter(|s| !s.passed) {
+        text += &format!(
+            "  not shown stable: model {} at {}, outer loops {}: largest real part {:.2e} 1/s, \
+             change on refining the delay {:.1e} 1/s\n",
+            s.model,
+            speed_text(s.speed_m_s, system),
+            if s.outer_loops { "closed" } else { "open" },
+            s.growth_per_s,
+            s.pade_change_per_s
+        );
+    }
+    text
+}
+
+pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
+    let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
+    let mut worst: Vec<&Authority> = Vec::new();
+    for axis in ["roll", "pitch", "yaw", "heave"] {
+        let of = checks.iter().filter(|c| c.axis == axis);
+        worst.extend(of.max_by(|a, b| a.used_percent.total_cmp(&b.used_percent)));
+    }
+    for c in worst {
+        text += &format!(
+            "  {:5} worst at {:>6}: {} uses {:.0} % of its room, blade pitch rate up to {:.0} \
+             deg/s: {}\n",
+            c.axis,
+            speed_text(c.speed_m_s, system),
+            c.control,
+            c.used_percent,
+            c.rate_deg_s,
+            if c.passed { "within limits" } else { "BEYOND LIMITS" }
+        );
+    }
+    text
+}
+
+fn explanations_text(list: &[Explanation], system: System) -> String {
+    let mut text = String::new();
+    for e in list {
+        text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
+        if e.attainable {
+            text += "all targets can be met. Prices in actuator activity:\n";
+            for t in &e.targets {
+                match t.price_percent {
+                    Some(p) => {
+                        text += &format!("  {}: {} costs {p:+.1} %\n", t.target.name(), t.price_of)
+                    }
+                    None => {
+                        text += &format!("  {}: {} cannot be had\n", t.target.name(), t.price_of)
+                    }
+                }
+            }
+        } else {
+            text += "the targets cannot all be met.\n";
+            let conflicting = e.conflicting();
+            if conflicting.is_empty() {
+                text += "  Moving one target alone does not help: lower several, or reduce the delay.\n";
+            }
+            for t in &e.targets {
+                if let Some(best) = t.attainable {
+                    text += &format!(
+                        "  {}: asked {:.3} {}, attainable {:.3} with the others held\n",
+                        t.target.name(),
+                        t.asked,
+                        t.target.unit(),
+                        best
+                    );
+                }
+            }
+        }
+    }
+    text
+}
+
+fn left_out_text(list: &[LeftOut], system: System) -> String {
+    let mut text = String::new();
+    for l in list {
+        text += &format!(
+            "Left out: model {} does not trim at {} ({}).\n",
+            l.model,
+            speed_text(l.speed, system),
+            l.reason
+        );
+    }
+    text
+}
+
+/// Plots as (file, SVG text).
+fn plots(
+    paths: &Paths,
+    design: &Design,
+    nodes: &ModelSet,
+    spec: &Specification,
+    verification: &Verification,
+    system: System,
+) -> Result<Vec<(PathBuf, String)>, CliError> {
+    use crate::control::loops::{Cut, LoopModel};
+    let unit = Kind::Airspeed.symbol(system);
+    let table = &design.table;
+    let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
+    let mut panels = Vec::new();
+    for c in &spec.channels {
+        let channel = c.channel;
+        let curves = channel
+            .gains()
+            .iter()
+            .map(|g| Curve {
+                name: ["K_D", "K_P", "K_I"][g.index()].into(),
+                style: g.index(),
+                x: x.clone(),
+                y: table.points().iter().map(|p| p.gains[channel.index()].get(*g)).collect(),
+                marks: Marks::With,
+            })
+            .collect();
+        panels.push(CurvePanel {
+            title: channel.name().into(),
+            quantity: "gain".into(),
+            unit: "1/s and powers".into(),
+            minimum_span: 1e-3,
+            curves,
+        });
+    }
+    let mut out = Vec::new();
+    let file = |name: &str| paths.directory.join(name);
+    out.push((
+        file("gains.svg"),
+        gain_schedule_figure("Gains over true airspeed", unit, &panels).to_svg(),
+    ));
+    // Least design margin over models, axis by speed.
+    let mut speeds: Vec<f64> = verification.rows.iter().map(|r| r.speed_m_s).collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+    let names: Vec<String> = spec.channels.iter().map(|c| c.channel.name().to_string()).collect();
+    let least = |axis: &str, v: f64| {
+        verification
+            .rows
+            .iter()
+            .filter(|r| r.axis == axis && (r.speed_m_s - v).abs() < 1e-6)
+            .filter_map(|r| r.design_margin_percent)
+            .fold(f64::NAN, f64::min)
+    };
+    let map = MarginMap {
+        values: names.iter().map(|n| speeds.iter().map(|&v| least(n, v)).collect()).collect(),
+        requirements: names,
+        speeds: speeds.iter().map(|v| format!("{:.0}", speed(*v, system))).collect(),
+        speed_unit: unit.into(),
+        label: "least design margin of all models, %".into(),
+        required: 0.0,
+        decimals: 0,
+    };
+    out.push((file("margins.svg"), heatmap_figure("Design margin", &map).to_svg()));
+    let grid: std::sync::Arc<[f64]> = crate::control::tuning::default_grid(0.02, 60.0, 500).into();
+    let mut sensitivities = Vec::new();
+    for c in &spec.channels {
+        let (mut loops, mut rejections) = (Vec::new(), Vec::new());
+        for (k, p) in table.points().iter().enumerate() {
+            if p.gains[c.channel.index()] == Default::default() {
+                continue;
+            }
+            let model = LoopModel::new(
+                &nodes.plants[k][0],
+                &p.inversion,
+                &table.settings,
+                spec.hardware,
+                0.0,
+                grid.clone(),
+            )
+            .map_err(|e| CliError::Internal(e.to_string()))?;
+            let (gains, cut) = if c.channel.is_outer() {
+                (p.gains, Cut::Channel)
+            } else {
+                (crate::control::verify::inner_only(&p.gains), Cut::Effector)
+            };
+            let values = gains[c.channel.index()].values(c.channel);
+            let l = model.channel(&gains, c.channel, &[cut]);
+            let response = |response| FrequencyResponse {
+                name: speed_text(p.speed, system),
+                style: k,
+                frequency: grid.to_vec(),
+                response,
+            };
+            loops.push(response(l.loop_curve(0, &values)));
+            rejections.push(response(l.sensitivity_curve(&values)));
+        }
+        let t = &c.spec.nominal;
+        let region = ExclusionRegion {
+            gain_margin_db: crate::control::metrics::decibels(t.gain_up),
+            phase_margin_deg: t.phase.to_degrees(),
+        };
+        let title = format!("{} loop, nominal model", c.channel);
+        out.push((
+            file(&format!("nyquist-{}.svg", c.channel)),
+            nyquist_figure(&title, &loops, Some(&region)).to_svg(),
+        ));
+        sensitivities.push(SensitivityPanel {
+            title: c.channel.name().into(),
+            bandwidth_spec: t.drb,
+            peak_spec_db: t.drp.map(crate::control::metrics::decibels),
+            responses: rejections,
+        });
+    }
+    out.push((
+        file("sensitivity.svg"),
+        sensitivity_figure("Disturbance rejection, nominal model", &sensitivities).to_svg(),
+    ));
+    Ok(out)
+}

@@ -1,0 +1,238 @@
+//! Why a requirement is missed, what could be had instead, and what each costs.
+//!
+//! Everything here is found by solving again: one channel at one speed, the
+//! other channels as they are, with one target moved.
+
+use super::axis::{Channel, GainSet};
+use super::law::LawPoint;
+use super::loops::{LawSettings, LoopModel};
+use super::metrics::{decibels, from_decibels};
+use super::plant::{ModelClass, Plant};
+use super::spec::{ChannelRequirement, Specification};
+use super::tuning::{ChannelProblem, ChannelSpec, Merit, TuningError};
+use serde::{Deserialize, Serialize};
+
+/// A target that can be moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// Phase margin, deg.
+    PhaseMargin,
+    /// Gain margins, dB.
+    GainMargin,
+    /// Disturbance rejection bandwidth, rad/s.
+    Drb,
+    /// Disturbance rejection peak, dB.
+    Drp,
+    /// Least crossover, rad/s.
+    CrossoverMin,
+}
+
+impl Target {
+    /// All targets.
+    pub const ALL: [Target; 5] =
+        [Target::PhaseMargin, Target::GainMargin, Target::Drb, Target::Drp, Target::CrossoverMin];
+
+    /// Name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Target::PhaseMargin => "phase margin",
+            Target::GainMargin => "gain margin",
+            Target::Drb => "DRB",
+            Target::Drp => "DRP",
+            Target::CrossoverMin => "least crossover",
+        }
+    }
+
+    /// Unit for people.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Target::PhaseMargin => "deg",
+            Target::GainMargin | Target::Drp => "dB",
+            Target::Drb | Target::CrossoverMin => "rad/s",
+        }
+    }
+
+    /// Value in a specification, in [`Target::unit`]; `None`: not required.
+    pub fn get(self, spec: &ChannelSpec) -> Option<f64> {
+        let t = &spec.nominal;
+        match self {
+            Target::PhaseMargin => Some(t.phase.to_degrees()),
+            Target::GainMargin => Some(decibels(t.gain_up.min(t.gain_down))),
+            Target::Drb => t.drb,
+            Target::Drp => t.drp.map(decibels),
+            Target::CrossoverMin => t.crossover_min,
+        }
+    }
+
+    fn set(self, spec: &mut ChannelSpec, value: f64) {
+        let t = &mut spec.nominal;
+        match self {
+            Target::PhaseMargin => t.phase = value.to_radians(),
+            Target::GainMargin => {
+                t.gain_up = from_decibels(value);
+                t.gain_down = t.gain_up;
+            }
+            Target::Drb => t.drb = Some(value),
+            Target::Drp => t.drp = Some(from_decibels(value)),
+            Target::CrossoverMin => t.crossover_min = Some(value),
+        }
+    }
+
+    /// The easiest value that is looked at.
+    fn easiest(self, asked: f64) -> f64 {
+        match self {
+            Target::PhaseMargin | Target::GainMargin | Target::Drb | Target::CrossoverMin => {
+                0.2 * asked
+            }
+            Target::Drp => asked + 10.0,
+        }
+    }
+
+    /// A step that tightens the target a little, and its name.
+    fn tightened(self, asked: f64) -> (f64, &'static str) {
+        match self {
+            Target::PhaseMargin => (asked + 1.0, "1 deg more"),
+            Target::GainMargin => (asked + 0.25, "0.25 dB more"),
+            Target::Drb => (asked * 1.02, "2 % more"),
+            Target::Drp => (asked - 0.1, "0.1 dB less"),
+            Target::CrossoverMin => (asked * 1.02, "2 % more"),
+        }
+    }
+}
+
+/// What is known about one target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TargetReport {
+    /// The target.
+    pub target: Target,
+    /// What is asked for, in its unit.
+    pub asked: f64,
+    /// Best attainable value with the other targets held, if the
+    /// specification cannot be met; `None`: moving this target alone does not
+    /// help.
+    pub attainable: Option<f64>,
+    /// Change of actuator activity, %, for the tightening of `price_of`, if
+    /// the specification can be met; negative values are differences below the
+    /// accuracy of the sequence.
+    pub price_percent: Option<f64>,
+    /// The tightening that the price is of.
+    pub price_of: String,
+}
+
+/// What is known about a channel at a speed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// Channel.
+    pub axis: String,
+    /// True airspeed, m/s.
+    pub speed_m_s: f64,
+    /// Whether the nominal model can meet all targets at once here.
+    pub attainable: bool,
+    /// Each target.
+    pub targets: Vec<TargetReport>,
+}
+
+impl Explanation {
+    /// Targets that conflict: relaxing any one of them alone lets the others
+    /// be met.
+    pub fn conflicting(&self) -> Vec<Target> {
+        self.targets.iter().filter(|t| t.attainable.is_some()).map(|t| t.target).collect()
+    }
+}
+
+/// Worst violation, in slack units, that counts as met.
+const MET: f64 = 2e-3;
+/// Halvings of the interval of a target.
+const HALVINGS: usize = 7;
+
+/// Explains a channel at one speed for the nominal model, around a law.
+///
+/// # Errors
+/// As the tuning's.
+pub fn explain(
+    spec: &Specification,
+    settings: &LawSettings,
+    plant: &Plant,
+    point: &LawPoint,
+    requirement: &ChannelRequirement,
+) -> Result<Explanation, TuningError> {
+    let channel = requirement.channel;
+    let mut grid = spec.solver.grid.clone();
+    // Targets move: more points where they may lie.
+    grid.extend((0..80).map(|k| 0.1 * 60f64.powf(f64::from(k) / 79.0)));
+    grid.sort_by(f64::total_cmp);
+    grid.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
+    let model = LoopModel::new(plant, &point.inversion, settings, spec.hardware, 0.0, grid.into())?;
+    let models = vec![vec![model]];
+    let start =
+        if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
+    let solve = |channel_spec: &ChannelSpec| -> Result<(Merit, f64), TuningError> {
+        let mut gains: Vec<GainSet> = vec![start];
+        let mut problem = ChannelProblem::new(
+            channel,
+            channel_spec,
+            &[ModelClass::Nominal],
+            &models,
+            &[plant.speed],
+            &gains,
+            1.0,
+            &spec.solver,
+        );
+        let merit = problem.run(&mut gains)?;
+        let x = gains[0][channel.index()].values(channel);
+        let loops = models[0][0].channel(&gains[0], channel, &[super::loops::Cut::Effector]);
+        let u = loops.activity_curve(&x);
+        let activity = super::metrics::activity(
+            super::metrics::Sampled::new(&loops.omega, &u),
+            super::metrics::ACTIVITY_BAND,
+        );
+        Ok((merit, activity))
+    };
+    let tuned = requirement.tuned();
+    let (base, base_activity) = solve(&tuned)?;
+    let attainable = base.worst() < MET;
+    let mut targets = Vec::new();
+    for target in Target::ALL {
+        let Some(asked) = target.get(&tuned) else { continue };
+        let (tight, price_of) = target.tightened(asked);
+        let mut report = TargetReport {
+            target,
+            asked,
+            attainable: None,
+            price_percent: None,
+            price_of: price_of.into(),
+        };
+        let with = |value: f64| {
+            let mut moved = tuned;
+            target.set(&mut moved, value);
+            solve(&moved)
+        };
+        if attainable {
+            let (merit, activity) = with(tight)?;
+            if merit.worst() < MET {
+                report.price_percent = Some(100.0 * (activity / base_activity - 1.0));
+            }
+        } else {
+            let (mut easy, mut hard) = (target.easiest(asked), asked);
+            if with(easy)?.0.worst() < MET {
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (easy + hard);
+                    if with(middle)?.0.worst() < MET {
+                        easy = middle;
+                    } else {
+                        hard = middle;
+                    }
+                }
+                report.attainable = Some(easy);
+            }
+        }
+        targets.push(report);
+    }
+    Ok(Explanation {
+        axis: Channel::name(channel).into(),
+        speed_m_s: plant.speed,
+        attainable,
+        targets,
+    })
+}

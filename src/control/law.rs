@@ -1,0 +1,597 @@
+//! The control law: one definition for tuning, simulation and export.
+//!
+//! ```text
+//! δ = δ_trim + B_d⁻¹ (ν − F_att x − κ F_uvw x − (1 − κ) F_uvw x_ref)
+//! ν_φ = φ_ref'' + K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
+//! ```
+//!
+//! and in the same way for θ; for r and V_z (down positive) one derivative
+//! less. x is the deviation from the trim at the scheduled speed. Around it
+//! the translational rate command of the reference paper's Fig. 11:
+//!
+//! ```text
+//! θ_c = θ_trim − (K_P e_x + K_I ∫e_x)/g,   φ_c = φ_trim + (K_P e_y + K_I ∫e_y)/g
+//! ```
+//!
+//! with e the error of ground velocity in heading axes, and Eq. 75 as a blend
+//! b(V) that rises smoothly from 0 to 1 around the turn-coordination speed:
+//! φ_c' = (1 − b) φ_c + b atan(V ψ'_c / g).
+//!
+//! Everything that depends on speed is read from a table by linear
+//! interpolation, and held constant beyond its ends. [`LawTable::at`] is what
+//! the tuning and the verification look at; [`Controller::step`] is the same
+//! law in discrete time, nonlinear in kinematics.
+
+use super::axis::{Axis, Channel, GainSet};
+use super::loops::LawSettings;
+use super::plant::{Inversion, rigid};
+use super::spec::TurnCoordination;
+use crate::units::STANDARD_GRAVITY as GRAVITY;
+use nalgebra::{SVector, Vector4};
+use std::collections::VecDeque;
+
+/// The law at one speed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LawPoint {
+    /// True airspeed, m/s.
+    pub speed: f64,
+    /// Gains.
+    pub gains: GainSet,
+    /// Inversion, reference model and trim.
+    pub inversion: Inversion,
+}
+
+/// The law over speed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LawTable {
+    /// Breakpoints, speeds strictly increasing, at least one.
+    points: Vec<LawPoint>,
+    /// Choices that do not depend on speed.
+    pub settings: LawSettings,
+    /// Eq. 75.
+    pub turn: TurnCoordination,
+}
+
+/// Why a table was refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LawError {
+    /// No breakpoint.
+    #[error("the schedule has no breakpoint")]
+    Empty,
+    /// Speeds out of order.
+    #[error("the schedule's speeds are not strictly increasing at {0:.3} m/s")]
+    Order(f64),
+    /// A value is not finite.
+    #[error("the schedule has a non-finite value at {0:.3} m/s")]
+    NotFinite(f64),
+}
+
+impl LawTable {
+    /// A table of these breakpoints.
+    ///
+    /// # Errors
+    /// No breakpoint, speeds that do not increase strictly, or a gain or
+    /// matrix entry that is not finite.
+    pub fn new(
+        points: Vec<LawPoint>,
+        settings: LawSettings,
+        turn: TurnCoordination,
+    ) -> Result<Self, LawError> {
+        if points.is_empty() {
+            return Err(LawError::Empty);
+        }
+        for pair in points.windows(2) {
+            if pair[1].speed <= pair[0].speed {
+                return Err(LawError::Order(pair[1].speed));
+            }
+        }
+        for p in &points {
+            let i = &p.inversion;
+            let finite = p.speed.is_finite()
+                && p.gains.iter().flat_map(|g| g.array()).all(f64::is_finite)
+                && i.outputs.iter().chain(i.rates.iter()).all(|v| v.is_finite())
+                && i.feedback.iter().chain(i.decoupling.iter()).all(|v| v.is_finite())
+                && i.ground_velocity.iter().all(|v| v.is_finite())
+                && i.reference.dynamics.iter().all(|v| v.is_finite());
+            if !finite {
+                return Err(LawError::NotFinite(p.speed));
+            }
+        }
+        Ok(Self { points, settings, turn })
+    }
+
+    /// Breakpoints.
+    pub fn points(&self) -> &[LawPoint] {
+        &self.points
+    }
+
+    /// The law at a speed: linear between breakpoints, constant beyond.
+    pub fn at(&self, speed: f64) -> LawPoint {
+        let k = self.points.partition_point(|p| p.speed <= speed);
+        let last = self.points.len() - 1;
+        if k == 0 || k > last {
+            // NaN compares as beyond the last breakpoint.
+            let mut p = self.points[if k == 0 { 0 } else { last }].clone();
+            p.speed = speed;
+            return p;
+        }
+        let (a, b) = (&self.points[k - 1], &self.points[k]);
+        let t = (speed - a.speed) / (b.speed - a.speed);
+        LawPoint {
+            speed,
+            gains: std::array::from_fn(|c| a.gains[c].blend(&b.gains[c], t)),
+            inversion: a.inversion.blend(&b.inversion, t),
+        }
+    }
+
+    /// Weight of turn coordination in Eq. 75 at a speed: 0 below the blend, 1
+    /// above, a cubic with flat ends between.
+    pub fn turn_blend(&self, speed: f64) -> f64 {
+        let t = ((speed - self.turn.speed) / self.turn.width + 0.5).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+}
+
+/// What the law measures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement {
+    /// Velocity over the ground in body axes, m/s.
+    pub velocity_body: [f64; 3],
+    /// Body rates p, q, r, rad/s.
+    pub rates: [f64; 3],
+    /// Bank angle, rad.
+    pub roll: f64,
+    /// Pitch angle, rad.
+    pub pitch: f64,
+    /// True airspeed, m/s: what the schedule is read at.
+    pub airspeed: f64,
+}
+
+/// What the pilot or guidance asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Demand {
+    /// Bank and pitch, or velocities.
+    pub horizontal: Horizontal,
+    /// Heading rate, rad/s.
+    pub heading_rate: f64,
+    /// Vertical velocity, down positive, m/s.
+    pub vertical_velocity: f64,
+}
+
+/// Response type of the horizontal axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Horizontal {
+    /// Attitude command: bank and pitch, rad.
+    Attitude {
+        /// Bank angle.
+        roll: f64,
+        /// Pitch angle.
+        pitch: f64,
+    },
+    /// Translational rate command: velocity over the ground in heading axes,
+    /// m/s.
+    Velocity {
+        /// Forward.
+        forward: f64,
+        /// To the right.
+        right: f64,
+    },
+}
+
+/// Largest attitudes that the outer loop may command, rad.
+const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
+
+/// A reference: value and derivatives.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Reference {
+    value: f64,
+    rate: f64,
+    acceleration: f64,
+}
+
+/// The law with its memory, stepping at a fixed interval.
+#[derive(Debug, Clone)]
+pub struct Controller {
+    table: LawTable,
+    step: f64,
+    stick_limits: [[f64; 2]; 4],
+    started: bool,
+    references: [Reference; 4],
+    /// Values and rates of the references of the last τ.
+    history: VecDeque<[[f64; 2]; 4]>,
+    integrals: [f64; 4],
+    velocity_integrals: [f64; 2],
+    /// Horizontal velocity deviations of the reference model.
+    model: [f64; 2],
+    /// Trim velocities u, v at the last step.
+    trim_velocity: [f64; 2],
+    sticks: [f64; 4],
+}
+
+impl Controller {
+    /// A controller that steps every `step` s within stick limits, %.
+    pub fn new(table: LawTable, step: f64, stick_limits: [[f64; 2]; 4]) -> Self {
+        Self {
+            table,
+            step,
+            stick_limits,
+            started: false,
+            references: [Reference::default(); 4],
+            history: VecDeque::new(),
+            integrals: [0.0; 4],
+            velocity_integrals: [0.0; 2],
+            model: [0.0; 2],
+            trim_velocity: [0.0; 2],
+            sticks: [0.0; 4],
+        }
+    }
+
+    /// The table.
+    pub fn table(&self) -> &LawTable {
+        &self.table
+    }
+
+    /// Starts from a measurement without a transient: references at what is
+    /// measured, integrals at zero.
+    fn start(&mut self, m: &Measurement, p: &LawPoint, vertical: f64) {
+        let value = |value: f64| Reference { value, ..Reference::default() };
+        self.references = [value(m.roll), value(m.pitch), value(m.rates[2]), value(vertical)];
+        let now = self.references.map(|r| [r.value, r.rate]);
+        let length = (self.table.settings.reference_delay / self.step).round() as usize;
+        self.history = std::iter::repeat_n(now, length + 1).collect();
+        let trim = p.inversion.trim.velocity_body;
+        self.trim_velocity = [trim[0], trim[1]];
+        self.model = [m.velocity_body[0] - trim[0], m.velocity_body[1] - trim[1]];
+        self.integrals = [0.0; 4];
+        self.velocity_integrals = [0.0; 2];
+        self.started = true;
+    }
+
+    /// One step: sticks lat, lon, col, ped in %.
+    pub fn step(&mut self, m: &Measurement, demand: &Demand) -> [f64; 4] {
+        let settings = self.table.settings;
+        let p = self.table.at(m.airspeed);
+        let inv = &p.inversion;
+        let trim = inv.trim;
+        let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
+        let [u, v, w] = m.velocity_body;
+        let vertical = -u * st + (v * sp + w * cp) * ct;
+        let forward = u * ct + (v * sp + w * cp) * st;
+        let right = v * cp - w * sp;
+        if !self.started {
+            self.start(m, &p, vertical);
+        }
+        let dt = self.step;
+
+        // Outer loop and Eq. 75.
+        let blend = self.table.turn_blend(m.airspeed);
+        let coordinated = (m.airspeed * demand.heading_rate / GRAVITY).atan();
+        let (roll_command, pitch_command) = match demand.horizontal {
+            Horizontal::Attitude { roll, pitch } => (roll, pitch),
+            Horizontal::Velocity { forward: vx, right: vy } => {
+                let errors = [vx - forward, vy - right];
+                let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
+                let raw: [f64; 2] = std::array::from_fn(|k| {
+                    (gains[k].k_p * errors[k] + gains[k].k_i * self.velocity_integrals[k]) / GRAVITY
+                });
+                for k in 0..2 {
+                    // Anti-windup: hold while the attitude limit is reached.
+                    let outward = raw[k].abs() > ATTITUDE_LIMIT && raw[k] * errors[k] > 0.0;
+                    if !outward {
+                        self.velocity_integrals[k] += dt * errors[k];
+                    }
+                }
+                let limited = raw.map(|r| r.clamp(-ATTITUDE_LIMIT, ATTITUDE_LIMIT));
+                (trim.roll + limited[1], trim.pitch - limited[0])
+            }
+        };
+        let roll_command = (1.0 - blend) * roll_command + blend * (trim.roll + coordinated);
+        // Heading rate to body yaw rate, at the attitude flown.
+        let yaw_command = demand.heading_rate * cp * ct;
+
+        // Command models.
+        let attitude = |r: &mut Reference, command: f64, wn: f64| {
+            r.acceleration =
+                wn * wn * (command - r.value) - 2.0 * settings.attitude_damping * wn * r.rate;
+            r.rate += dt * r.acceleration;
+            r.value += dt * r.rate;
+        };
+        attitude(&mut self.references[0], roll_command, settings.roll_frequency);
+        attitude(&mut self.references[1], pitch_command, settings.pitch_frequency);
+        let lag = |r: &mut Reference, command: f64, time_constant: f64| {
+            r.rate = (command - r.value) / time_constant;
+            r.value += dt * r.rate;
+        };
+        lag(&mut self.references[2], yaw_command, settings.yaw_time_constant);
+        lag(&mut self.references[3], demand.vertical_velocity, settings.heave_time_constant);
+        self.history.push_back(self.references.map(|r| [r.value, r.rate]));
+        while self.history.len() > (settings.reference_delay / dt).round() as usize + 1 {
+            self.history.pop_front();
+        }
+        let delayed = self.history.front().copied().unwrap_or_default();
+
+        // ν.
+        let feed = [
+            self.references[0].acceleration,
+            self.references[1].acceleration,
+            self.references[2].rate,
+            self.references[3].rate,
+        ];
+        let measured = [m.roll, m.pitch, m.rates[2], vertical];
+        // Euler rates of bank and pitch.
+        let measured_rate = [
+            m.rates[0] + st / ct * (m.rates[1] * sp + m.rates[2] * cp),
+            m.rates[1] * cp - m.rates[2] * sp,
+        ];
+        let errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
+        let mut nu = Vector4::from_column_slice(&feed);
+        for axis in Axis::ALL {
+            let i = axis.index();
+            let k = p.gains[Channel::from(axis).index()];
+            nu[i] += k.k_p * errors[i] + k.k_i * self.integrals[i];
+            if i < 2 {
+                nu[i] += k.k_d * (delayed[i][1] - measured_rate[i]);
+            }
+        }
+
+        // Inversion.
+        let tv = trim.velocity_body;
+        let x = SVector::<f64, 8>::from_column_slice(&[
+            u - tv[0],
+            v - tv[1],
+            w - tv[2],
+            m.rates[0],
+            m.rates[1],
+            m.rates[2],
+            m.roll - trim.roll,
+            m.pitch - trim.pitch,
+        ]);
+        let (velocity, attitude_part) = inv.split_feedback();
+        let mut acceleration = nu - (attitude_part + velocity * settings.kappa) * x;
+        // The reference model's deviation is from the trim at the scheduled
+        // speed: when that moves, the deviation moves the other way.
+        for k in 0..2 {
+            self.model[k] -= tv[k] - self.trim_velocity[k];
+            self.trim_velocity[k] = tv[k];
+        }
+        let rho = SVector::<f64, 6>::from_column_slice(&[
+            self.references[0].value - trim.roll,
+            self.references[1].value - trim.pitch,
+            self.references[0].rate,
+            self.references[1].rate,
+            self.references[2].value,
+            self.references[3].value,
+        ]);
+        let z = SVector::<f64, 2>::from_column_slice(&self.model);
+        let ideal = inv.reference.state * z + inv.reference.input * rho;
+        if settings.hybrid_feedforward {
+            acceleration -= velocity * ideal * (1.0 - settings.kappa);
+        }
+        let change = inv.reference.dynamics * ideal
+            + inv.reference.drive * Vector4::from_column_slice(&feed);
+        self.model[0] += dt * change[0];
+        self.model[1] += dt * change[1];
+
+        let delta = inv.decoupling * acceleration;
+        for j in 0..4 {
+            let [low, high] = self.stick_limits[j];
+            self.sticks[j] = (trim.sticks[j] + delta[j]).clamp(low, high);
+        }
+        // Anti-windup: an axis's integral holds while its own effector is at a
+        // limit and the error would push it further.
+        for axis in Axis::ALL {
+            let (i, e) = (axis.index(), axis.effector().index());
+            let wanted = trim.sticks[e] + delta[e];
+            let push = inv.decoupling[(e, i)] * errors[i];
+            let stuck = (wanted > self.stick_limits[e][1] && push > 0.0)
+                || (wanted < self.stick_limits[e][0] && push < 0.0);
+            if !stuck {
+                self.integrals[i] += dt * errors[i];
+            }
+        }
+        self.sticks
+    }
+
+    /// Peak of the deviation u, v that the reference model has built up, m/s:
+    /// for reports of a simulation.
+    pub fn model_deviation(&self) -> [f64; 2] {
+        self.model
+    }
+}
+
+/// The linear law's immediate response, sticks per measured state at a fixed
+/// schedule and without integrals: −B_d⁻¹ (K_P C + K_D C A + F_κ). What
+/// [`Controller::step`] must do to small deviations; a test holds it to that.
+pub fn proportional_feedback(p: &LawPoint, settings: &LawSettings) -> nalgebra::SMatrix<f64, 4, 8> {
+    let inv = &p.inversion;
+    let (velocity, attitude) = inv.split_feedback();
+    let mut rows = attitude + velocity * settings.kappa;
+    for axis in Axis::ALL {
+        let i = axis.index();
+        let k = p.gains[Channel::from(axis).index()];
+        let row = rows.row(i) + inv.outputs.row(i) * k.k_p + inv.rates.row(i) * k.k_d;
+        rows.set_row(i, &row);
+    }
+    -inv.decoupling * rows
+}
+
+/// Names of the states of `x` above, for exports.
+pub const MEASURED: [usize; 8] =
+    [rigid::U, rigid::V, rigid::W, rigid::P, rigid::Q, rigid::R, rigid::PHI, rigid::THETA];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::testbed;
+    use crate::control::tuning::start_gains;
+    use approx::assert_relative_eq;
+
+    fn table() -> LawTable {
+        let settings = LawSettings {
+            kappa: 0.25,
+            hybrid_feedforward: true,
+            reference_delay: 0.15,
+            roll_frequency: 2.0,
+            pitch_frequency: 2.0,
+            attitude_damping: 0.8,
+            yaw_time_constant: 0.5,
+            heave_time_constant: 2.0,
+        };
+        let points = [0.0, 15.0, 35.0]
+            .map(|speed| {
+                let mut gains = GainSet::default();
+                for c in Channel::ALL {
+                    gains[c.index()] = start_gains(c, 0.16, [0.0, 10.0]);
+                }
+                let plant = testbed::plant(speed, &testbed::NOMINAL);
+                LawPoint { speed, gains, inversion: Inversion::new(&plant).unwrap() }
+            })
+            .to_vec();
+        LawTable::new(points, settings, TurnCoordination { speed: 25.7, width: 5.0 }).unwrap()
+    }
+
+    fn at_trim(p: &LawPoint) -> Measurement {
+        let t = p.inversion.trim;
+        Measurement {
+            velocity_body: t.velocity_body,
+            rates: [0.0; 3],
+            roll: t.roll,
+            pitch: t.pitch,
+            airspeed: p.speed,
+        }
+    }
+
+    fn hold(p: &LawPoint) -> Demand {
+        let t = p.inversion.trim;
+        Demand {
+            horizontal: Horizontal::Attitude { roll: t.roll, pitch: t.pitch },
+            heading_rate: 0.0,
+            vertical_velocity: 0.0,
+        }
+    }
+
+    /// Schedule: exact at breakpoints, linear between, constant beyond.
+    #[test]
+    fn table_is_linear_between_and_constant_beyond() {
+        let t = table();
+        let (a, b) = (&t.points()[0], &t.points()[1]);
+        let mid = t.at(7.5);
+        assert_relative_eq!(
+            mid.inversion.feedback,
+            (a.inversion.feedback + b.inversion.feedback) * 0.5,
+            epsilon = 1e-12
+        );
+        assert_eq!(t.at(15.0).inversion, b.inversion);
+        assert_eq!(t.at(-3.0).inversion, a.inversion);
+        assert_eq!(t.at(99.0).inversion, t.points()[2].inversion);
+    }
+
+    /// Eq. 75 on both sides of the blend, and continuous with its slope.
+    #[test]
+    fn turn_coordination_blends_smoothly() {
+        let t = table();
+        assert_eq!(t.turn_blend(20.0), 0.0);
+        assert_eq!(t.turn_blend(30.0), 1.0);
+        assert_relative_eq!(t.turn_blend(25.7), 0.5, epsilon = 1e-12);
+        let h = 1e-6;
+        for edge in [23.2, 28.2] {
+            assert!((t.turn_blend(edge + h) - t.turn_blend(edge - h)).abs() < 1e-9);
+        }
+    }
+
+    /// At trim with the trim demanded the sticks are the trim's, and stay.
+    #[test]
+    fn trim_is_an_equilibrium() {
+        let t = table();
+        for speed in [0.0, 8.0, 35.0] {
+            let p = t.at(speed);
+            let mut c = Controller::new(t.clone(), 0.01, [[-100.0, 100.0]; 4]);
+            for _ in 0..50 {
+                let sticks = c.step(&at_trim(&p), &hold(&p));
+                for (s, want) in sticks.iter().zip(p.inversion.trim.sticks) {
+                    assert!((s - want).abs() < 1e-9, "{s} {want} at {speed}");
+                }
+            }
+        }
+    }
+
+    /// The nonlinear step's response to a small deviation of each measured
+    /// state is the linear law that was tuned.
+    #[test]
+    fn step_linearises_to_the_tuned_law() {
+        let t = table();
+        for speed in [0.0, 10.0, 35.0] {
+            let p = t.at(speed);
+            let expected = proportional_feedback(&p, &t.settings);
+            for k in 0..8 {
+                let h = 1e-6;
+                let response = |sign: f64| {
+                    let mut c = Controller::new(t.clone(), 1e-9, [[-1e6, 1e6]; 4]);
+                    c.step(&at_trim(&p), &hold(&p));
+                    let mut m = at_trim(&p);
+                    let d = sign * h;
+                    match k {
+                        0..3 => m.velocity_body[k] += d,
+                        3..6 => m.rates[k - 3] += d,
+                        6 => m.roll += d,
+                        _ => m.pitch += d,
+                    }
+                    c.step(&m, &hold(&p))
+                };
+                let (up, down) = (response(1.0), response(-1.0));
+                for j in 0..4 {
+                    let slope = (up[j] - down[j]) / (2.0 * h);
+                    let scale = expected.row(j).amax();
+                    assert!(
+                        (slope - expected[(j, k)]).abs() < 2e-3 * scale,
+                        "stick {j} state {k} at {speed}: {slope} {}",
+                        expected[(j, k)]
+                    );
+                }
+            }
+        }
+    }
+
+    /// Flown in discrete time on the full-order linear test bed with actuators
+    /// and delay, a bank step settles at its command.
+    #[test]
+    fn bank_step_settles_on_the_full_order_plant() {
+        let t = table();
+        let p = t.at(15.0);
+        let plant = testbed::plant(15.0, &testbed::NOMINAL);
+        let dt = 0.005;
+        let mut c = Controller::new(t.clone(), dt, [[-1e3, 1e3]; 4]);
+        let mut x = nalgebra::DVector::<f64>::zeros(plant.a.nrows());
+        let hw = testbed::HARDWARE;
+        let (mut stick, mut stick_rate) = ([0.0; 4], [0.0; 4]);
+        let mut pipe: VecDeque<[f64; 4]> =
+            std::iter::repeat_n([0.0; 4], (hw.delay / dt).round() as usize).collect();
+        let trim = p.inversion.trim;
+        let step = 5f64.to_radians();
+        for _ in 0..(12.0 / dt) as usize {
+            let m = Measurement {
+                velocity_body: std::array::from_fn(|i| trim.velocity_body[i] + x[i]),
+                rates: std::array::from_fn(|i| x[3 + i]),
+                roll: trim.roll + x[6],
+                pitch: trim.pitch + x[7],
+                airspeed: 15.0,
+            };
+            let mut demand = hold(&p);
+            demand.horizontal = Horizontal::Attitude { roll: trim.roll + step, pitch: trim.pitch };
+            let sticks = c.step(&m, &demand);
+            pipe.push_back(std::array::from_fn(|j| sticks[j] - trim.sticks[j]));
+            let late = pipe.pop_front().unwrap();
+            for j in 0..4 {
+                let wa = hw.actuator_bandwidth;
+                stick_rate[j] += dt
+                    * (wa * wa * (late[j] - stick[j])
+                        - 2.0 * hw.actuator_damping * wa * stick_rate[j]);
+                stick[j] += dt * stick_rate[j];
+            }
+            let input = nalgebra::DVector::from_column_slice(&stick);
+            x += (&plant.a * &x + &plant.b * input) * dt;
+        }
+        assert_relative_eq!(x[6], step, max_relative = 0.05);
+        assert!(x[7].abs() < 0.1 * step, "pitch moved by {}", x[7]);
+    }
+}

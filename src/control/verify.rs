@@ -1,0 +1,575 @@
+//! Verification of a law, separate from its tuning.
+//!
+//! Every metric by its exact definition on dense frequency grids with refined
+//! crossings, at the breakpoints and between them, for every model, and the
+//! eigenvalues of the full-order closed loop. Nothing of the conic programs
+//! is used.
+
+use super::axis::{Axis, Channel, ChannelGains, GainSet};
+use super::law::LawTable;
+use super::loops::{Cut, LoopModel};
+use super::metrics::{self, Margins, Sampled, decibels};
+use super::plant::{Hardware, ModelClass, ModelSet, PlantError};
+use super::spec::{ChannelRequirement, Comfort, Specification};
+use super::stability::{self, PADE_ORDER};
+use super::tuning::{START_GROWTH, Targets, default_grid};
+use crate::linear::LinearError;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Schema of the verification file.
+pub const SCHEMA: &str = "coaxdesign.verification/1";
+
+/// Points of the dense grid above 0.03 rad/s.
+const GRID_POINTS: usize = 900;
+/// Highest frequency of the dense grid, rad/s.
+const HIGHEST: f64 = 100.0;
+/// How far below a requirement, relative to the comfortable excess, still
+/// counts as met: refinement error, not leniency.
+const MET_TOLERANCE: f64 = 1e-6;
+/// Closed-loop modes above this frequency are not judged for damping, rad/s.
+const DAMPING_BAND: f64 = 12.0;
+/// Largest change of the fastest-growing mode from one Padé order to the next
+/// but one that counts as agreement, 1/s.
+const PADE_TOLERANCE: f64 = 1e-3;
+
+/// Why a verification could not be carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// A plant is unusable.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// Eigenvalues could not be found.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+/// Verification of a law.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verification {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Whether every row and stability check passed.
+    pub passed: bool,
+    /// Whether every nominal row passed.
+    pub nominal_passed: bool,
+    /// Unit and meaning of every column.
+    pub columns: Vec<[String; 2]>,
+    /// One a channel, speed and model.
+    pub rows: Vec<Row>,
+    /// One a speed and model.
+    pub stability: Vec<Stability>,
+}
+
+/// Metrics of a channel at one speed and model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Channel.
+    pub axis: String,
+    /// True airspeed, m/s.
+    pub speed_m_s: f64,
+    /// Whether the speed is a breakpoint of the schedule.
+    pub breakpoint: bool,
+    /// Model.
+    pub model: String,
+    /// Its class.
+    pub class: ModelClass,
+    /// Disturbance rejection bandwidth, rad/s; null: beyond the grid.
+    pub drb_rad_s: Option<f64>,
+    /// Disturbance rejection peak, dB.
+    pub drp_db: f64,
+    /// Crossover, rad/s; null: none.
+    pub crossover_rad_s: Option<f64>,
+    /// Gain margin upward, dB; null: infinite.
+    pub gm_up_db: Option<f64>,
+    /// Gain margin downward, dB; null: infinite.
+    pub gm_down_db: Option<f64>,
+    /// Phase margin, deg; null: infinite.
+    pub pm_deg: Option<f64>,
+    /// Balanced disk margin.
+    pub disk_margin: f64,
+    /// Actuator activity, % per unit noise.
+    pub activity: f64,
+    /// ADS-33 bandwidth of the attitude response, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bandwidth_rad_s: Option<f64>,
+    /// ADS-33 phase delay, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase_delay_s: Option<f64>,
+    /// Least design margin of all requirements, %; null: no requirement.
+    pub design_margin_percent: Option<f64>,
+    /// The requirement with that margin.
+    pub binding: Option<String>,
+    /// Whether every requirement is met.
+    pub passed: bool,
+    /// Requirements that are missed: name, value, bound.
+    pub missed: Vec<Missed>,
+}
+
+/// A missed requirement.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Missed {
+    /// Requirement.
+    pub requirement: String,
+    /// What was found.
+    pub value: f64,
+    /// What was asked for.
+    pub bound: f64,
+}
+
+/// Closed-loop eigenvalues at one speed and model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stability {
+    /// True airspeed, m/s.
+    pub speed_m_s: f64,
+    /// Model.
+    pub model: String,
+    /// Whether the outer loops are closed.
+    pub outer_loops: bool,
+    /// Largest real part, 1/s.
+    pub growth_per_s: f64,
+    /// Least damping ratio of modes within the pilot's range.
+    pub least_damping: Option<f64>,
+    /// Change of the largest real part when the delay's Padé approximation is
+    /// refined, 1/s.
+    pub pade_change_per_s: f64,
+    /// Whether it is stable, and the approximation of the delay does not matter.
+    pub passed: bool,
+}
+
+/// Verifies a law on a model set (which may hold speeds between breakpoints)
+/// against a specification.
+///
+/// # Errors
+/// Unusable plants; missed requirements are data.
+pub fn verify(
+    table: &LawTable,
+    set: &ModelSet,
+    hardware: &Hardware,
+    spec: &Specification,
+) -> Result<Verification, VerifyError> {
+    let grid: Arc<[f64]> = {
+        let mut g = default_grid(0.01, HIGHEST, GRID_POINTS);
+        g.push(metrics::LOWEST_REJECTION_FREQUENCY);
+        g.sort_by(f64::total_cmp);
+        g.into()
+    };
+    let jobs: Vec<(usize, usize)> =
+        (0..set.plants.len()).flat_map(|v| (0..set.models.len()).map(move |m| (v, m))).collect();
+    let results: Vec<(Vec<Row>, Vec<Stability>)> = jobs
+        .par_iter()
+        .map(|&(v, m)| one(table, set, hardware, spec, &grid, v, m))
+        .collect::<Result<_, _>>()?;
+    let (mut rows, mut checks) = (Vec::new(), Vec::new());
+    for (r, s) in results {
+        rows.extend(r);
+        checks.extend(s);
+    }
+    let stable = checks.iter().all(|s| s.passed);
+    Ok(Verification {
+        schema: SCHEMA.into(),
+        passed: stable && rows.iter().all(|r| r.passed),
+        nominal_passed: stable
+            && rows.iter().all(|r| r.passed || r.class == ModelClass::OffNominal),
+        columns: COLUMNS.iter().map(|c| c.map(String::from)).collect(),
+        rows,
+        stability: checks,
+    })
+}
+
+/// Meaning of the columns of [`Row`].
+const COLUMNS: [[&str; 2]; 12] = [
+    ["speed_m_s", "true airspeed, m/s"],
+    ["drb_rad_s", "first frequency at which |S| rises through -3.01 dB, outer loops open, rad/s"],
+    ["drp_db", "largest |S|, outer loops open, dB"],
+    ["crossover_rad_s", "last 0 dB crossing of L, rad/s"],
+    ["gm_up_db", "smallest gain increase to instability, outer loops open and closed, dB"],
+    ["gm_down_db", "smallest gain decrease to instability, outer loops open and closed, dB"],
+    ["pm_deg", "smallest phase margin of all crossings, outer loops open and closed, deg"],
+    ["disk_margin", "min 2|1+L|/|1-L|"],
+    ["activity", "rms stick command per unit white noise, 0.3 to 40 rad/s, %"],
+    ["bandwidth_rad_s", "ADS-33 bandwidth of attitude to command, rad/s"],
+    ["phase_delay_s", "ADS-33 phase delay of attitude to command, s"],
+    ["design_margin_percent", "0: on the bound, 100: comfortable; least of all requirements"],
+];
+
+/// Gains with the outer loops open.
+pub fn inner_only(gains: &GainSet) -> GainSet {
+    let mut g = *gains;
+    g[Channel::Vx.index()] = ChannelGains::default();
+    g[Channel::Vy.index()] = ChannelGains::default();
+    g
+}
+
+fn one(
+    table: &LawTable,
+    set: &ModelSet,
+    hardware: &Hardware,
+    spec: &Specification,
+    grid: &Arc<[f64]>,
+    v: usize,
+    m: usize,
+) -> Result<(Vec<Row>, Vec<Stability>), VerifyError> {
+    let (plant, info) = (&set.plants[v][m], &set.models[m]);
+    let point = table.at(plant.speed);
+    let breakpoint = table.points().iter().any(|p| (p.speed - plant.speed).abs() < 1e-6);
+    let model = LoopModel::new(
+        plant,
+        &point.inversion,
+        &table.settings,
+        *hardware,
+        info.extra_delay,
+        grid.clone(),
+    )?;
+    let inner = inner_only(&point.gains);
+    let outer_closed = inner != point.gains;
+    let mut rows = Vec::new();
+    for requirement in &spec.channels {
+        let channel = requirement.channel;
+        if point.gains[channel.index()] == ChannelGains::default() {
+            // The loop is open here: fine for an outer loop outside its range,
+            // a miss for everything else.
+            if !channel.is_outer() {
+                rows.push(open_row(requirement, plant.speed, breakpoint, info));
+            }
+            continue;
+        }
+        // Inner loops: rejection and crossover with the outer loops open, as
+        // the attitude systems that the requirements speak of.
+        let gains = if channel.is_outer() { &point.gains } else { &inner };
+        let own_cut = if channel.is_outer() { Cut::Channel } else { Cut::Effector };
+        let margins = |gains: &GainSet, cut: Cut| {
+            let x = gains[channel.index()].values(channel);
+            let curve = model.channel(gains, channel, &[cut]).loop_curve(0, &x);
+            let exact = |w: f64| model.loop_at(gains, channel, cut, w);
+            metrics::margins(Sampled { omega: grid, value: &curve, exact: Some(&exact) })
+        };
+        let mut found = margins(gains, own_cut);
+        if outer_closed || channel.is_outer() {
+            // The effector's margins with everything closed.
+            found = worse(found, margins(&point.gains, Cut::Effector));
+        }
+        let x = gains[channel.index()].values(channel);
+        let loops = model.channel(gains, channel, &[Cut::Effector]);
+        let s = loops.sensitivity_curve(&x);
+        let exact = |w: f64| model.sensitivity_at(gains, channel, w);
+        let rejection = metrics::rejection(Sampled { omega: grid, value: &s, exact: Some(&exact) });
+        let u = loops.activity_curve(&x);
+        let activity = metrics::activity(Sampled::new(grid, &u), metrics::ACTIVITY_BAND);
+        let bandwidth = matches!(channel, Channel::Roll | Channel::Pitch).then(|| {
+            let response = |w: f64| model.attitude_response_at(&inner, channel.axis(), w);
+            let values: Vec<_> = grid.iter().map(|&w| response(w)).collect();
+            metrics::bandwidth(Sampled { omega: grid, value: &values, exact: Some(&response) })
+        });
+        let targets = requirement.spec.targets(info.class);
+        let mut row = Row {
+            axis: channel.name().into(),
+            speed_m_s: plant.speed,
+            breakpoint,
+            model: info.name.clone(),
+            class: info.class,
+            drb_rad_s: rejection.bandwidth,
+            drp_db: decibels(rejection.peak),
+            crossover_rad_s: found.crossover,
+            gm_up_db: found.gain_up.map(decibels),
+            gm_down_db: found.gain_down.map(decibels),
+            pm_deg: found.phase.map(f64::to_degrees),
+            disk_margin: found.disk,
+            activity,
+            bandwidth_rad_s: bandwidth.and_then(|b| b.phase_limited),
+            phase_delay_s: bandwidth.and_then(|b| b.phase_delay),
+            design_margin_percent: None,
+            binding: None,
+            passed: true,
+            missed: Vec::new(),
+        };
+        judge(&mut row, targets, &spec.comfort);
+        rows.push(row);
+    }
+    let mut checks = Vec::new();
+    for (gains, outer_loops) in [(&inner, false), (&point.gains, true)] {
+        if outer_loops && !outer_closed {
+            continue;
+        }
+        let eigenvalues = |order: usize| {
+            stability::closed_loop_eigenvalues(
+                plant,
+                &point.inversion,
+                &table.settings,
+                hardware,
+                info.extra_delay,
+                gains,
+                order,
+            )
+        };
+        let (first, refined) = (eigenvalues(PADE_ORDER)?, eigenvalues(PADE_ORDER + 2)?);
+        let growth = stability::growth(&refined);
+        let change = (growth - stability::growth(&first)).abs();
+        checks.push(Stability {
+            speed_m_s: plant.speed,
+            model: info.name.clone(),
+            outer_loops,
+            growth_per_s: growth,
+            least_damping: stability::least_damping(&refined, DAMPING_BAND),
+            pade_change_per_s: change,
+            passed: growth < START_GROWTH && change < PADE_TOLERANCE,
+        });
+    }
+    Ok((rows, checks))
+}
+
+fn open_row(
+    requirement: &ChannelRequirement,
+    speed: f64,
+    breakpoint: bool,
+    info: &super::plant::ModelInfo,
+) -> Row {
+    Row {
+        axis: requirement.channel.name().into(),
+        speed_m_s: speed,
+        breakpoint,
+        model: info.name.clone(),
+        class: info.class,
+        drb_rad_s: Some(0.0),
+        drp_db: 0.0,
+        crossover_rad_s: None,
+        gm_up_db: None,
+        gm_down_db: None,
+        pm_deg: None,
+        disk_margin: 2.0,
+        activity: 0.0,
+        bandwidth_rad_s: None,
+        phase_delay_s: None,
+        design_margin_percent: None,
+        binding: Some("the loop is open".into()),
+        passed: false,
+        missed: Vec::new(),
+    }
+}
+
+/// The smaller of each margin; the crossover of the first.
+fn worse(a: Margins, b: Margins) -> Margins {
+    let least = |a: Option<f64>, b: Option<f64>| match (a, b) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    };
+    Margins {
+        crossover: a.crossover,
+        phase: least(a.phase, b.phase),
+        gain_up: least(a.gain_up, b.gain_up),
+        gain_down: least(a.gain_down, b.gain_down),
+        disk: a.disk.min(b.disk),
+    }
+}
+
+/// Fills in design margin, binding requirement and misses.
+fn judge(row: &mut Row, t: &Targets, comfort: &Comfort) {
+    let mut list: Vec<(&str, f64, f64, f64)> = Vec::new();
+    // (name, value, bound, excess over the bound in units of the comfortable one)
+    let at_least = |value: f64, bound: f64, full: f64| (value - bound) / full;
+    if let Some(v) = row.gm_up_db {
+        let bound = decibels(t.gain_up);
+        list.push(("gm_up_db", v, bound, at_least(v, bound, comfort.gain_margin)));
+    }
+    if let Some(v) = row.gm_down_db {
+        let bound = decibels(t.gain_down);
+        list.push(("gm_down_db", v, bound, at_least(v, bound, comfort.gain_margin)));
+    }
+    if let Some(v) = row.pm_deg {
+        let bound = t.phase.to_degrees();
+        list.push(("pm_deg", v, bound, at_least(v, bound, comfort.phase_margin.to_degrees())));
+    }
+    if let (Some(v), Some(bound)) = (row.drb_rad_s, t.drb) {
+        list.push(("drb_rad_s", v, bound, at_least(v, bound, comfort.drb * bound)));
+    }
+    if let Some(bound) = t.drp.map(decibels) {
+        list.push(("drp_db", row.drp_db, bound, (bound - row.drp_db) / comfort.drp));
+    }
+    let crossover = row.crossover_rad_s.unwrap_or(0.0);
+    if let Some(bound) = t.crossover_min {
+        let excess = at_least(crossover, bound, comfort.crossover * bound);
+        list.push(("crossover_min_rad_s", crossover, bound, excess));
+    }
+    if let Some(bound) = t.crossover_max {
+        let excess = at_least(bound, crossover, comfort.crossover * bound);
+        list.push(("crossover_max_rad_s", crossover, bound, excess));
+    }
+    if let Some(least) = list.iter().min_by(|a, b| a.3.total_cmp(&b.3)) {
+        row.design_margin_percent = Some(100.0 * least.3);
+        row.binding = Some(least.0.into());
+    }
+    row.missed = list
+        .iter()
+        .filter(|l| l.3 < -MET_TOLERANCE)
+        .map(|l| Missed { requirement: l.0.into(), value: l.1, bound: l.2 })
+        .collect();
+    row.passed = row.missed.is_empty();
+}
+
+/// A blade-pitch control as a function of the sticks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BladeControl {
+    /// Name, such as `upper collective`.
+    pub name: String,
+    /// rad per % of lat, lon, col, ped.
+    pub gain: [f64; 4],
+    /// rad at zero sticks.
+    pub offset: f64,
+    /// Limits, rad.
+    pub limits: [f64; 2],
+}
+
+/// What a step command asks of sticks and blades.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Authority {
+    /// Axis of the step.
+    pub axis: String,
+    /// True airspeed, m/s.
+    pub speed_m_s: f64,
+    /// The control that comes closest to its limit, or goes furthest beyond.
+    pub control: String,
+    /// Its largest excursion from trim, % of the room between trim and limit.
+    pub used_percent: f64,
+    /// Largest blade pitch rate of any control, deg/s.
+    pub rate_deg_s: f64,
+    /// Whether all controls stay within limits and rates.
+    pub passed: bool,
+}
+
+/// Time and step of the authority check, s.
+const AUTHORITY_TIME: [f64; 2] = [5.0, 0.005];
+
+/// What the step commands of a specification ask of the blades at each
+/// breakpoint: the feed-forward of the law on its own reference model, through
+/// the actuators. Feedback adds to this only what disturbances cost.
+pub fn authority(
+    table: &LawTable,
+    hardware: &Hardware,
+    spec: &Specification,
+    blades: &[BladeControl],
+    stick_limits: &[[f64; 2]; 4],
+) -> Vec<Authority> {
+    let mut out = Vec::new();
+    let steps = [spec.steps.roll, spec.steps.pitch, spec.steps.yaw, spec.steps.heave];
+    for point in table.points() {
+        for axis in Axis::ALL {
+            // Both directions: trim is seldom in the middle.
+            let worst = [1.0, -1.0]
+                .map(|sign| {
+                    step_demand(
+                        table,
+                        point,
+                        hardware,
+                        axis,
+                        sign * steps[axis.index()],
+                        spec,
+                        blades,
+                        stick_limits,
+                    )
+                })
+                .into_iter()
+                .max_by(|a, b| a.used_percent.total_cmp(&b.used_percent));
+            out.extend(worst);
+        }
+    }
+    out
+}
+
+#[allow(clippy::too_many_arguments)]
+fn step_demand(
+    table: &LawTable,
+    point: &super::law::LawPoint,
+    hardware: &Hardware,
+    axis: Axis,
+    step: f64,
+    spec: &Specification,
+    blades: &[BladeControl],
+    stick_limits: &[[f64; 2]; 4],
+) -> Authority {
+    use nalgebra::{SVector, Vector4};
+    let inv = &point.inversion;
+    let settings = &table.settings;
+    let (end, dt) = (AUTHORITY_TIME[0], AUTHORITY_TIME[1]);
+    let i = axis.index();
+    let (mut value, mut rate) = (0.0, 0.0);
+    let mut z = SVector::<f64, 2>::zeros();
+    let trim = Vector4::from_column_slice(&inv.trim.sticks);
+    let (mut stick, mut stick_rate) = (Vector4::zeros(), Vector4::<f64>::zeros());
+    let mut worst = (f64::NEG_INFINITY, String::new());
+    let mut fastest = 0.0f64;
+    let wa = hardware.actuator_bandwidth;
+    for _ in 0..(end / dt) as usize {
+        let mut nu = Vector4::zeros();
+        let mut rho = SVector::<f64, 6>::zeros();
+        if i < 2 {
+            let wn = if i == 0 { settings.roll_frequency } else { settings.pitch_frequency };
+            nu[i] = wn * wn * (step - value) - 2.0 * settings.attitude_damping * wn * rate;
+            rho[i] = value;
+            rho[2 + i] = rate;
+            rate += dt * nu[i];
+            value += dt * rate;
+        } else {
+            let tau =
+                if i == 2 { settings.yaw_time_constant } else { settings.heave_time_constant };
+            nu[i] = (step - value) / tau;
+            rho[2 + i] = value;
+            value += dt * nu[i];
+        }
+        let x = inv.reference.state * z + inv.reference.input * rho;
+        let wanted = inv.decoupling * (nu - inv.feedback * x);
+        z += (inv.reference.dynamics * x + inv.reference.drive * nu) * dt;
+        stick_rate +=
+            ((wanted - stick) * wa * wa - stick_rate * (2.0 * hardware.actuator_damping * wa)) * dt;
+        stick += stick_rate * dt;
+        let total = trim + stick;
+        let mut look = |name: &str, at_trim: f64, now: f64, [low, high]: [f64; 2]| {
+            let room = if now >= at_trim { high - at_trim } else { at_trim - low };
+            let used = 100.0 * (now - at_trim).abs() / room.max(1e-12);
+            if used > worst.0 {
+                worst = (used, name.into());
+            }
+        };
+        for (j, limits) in stick_limits.iter().enumerate() {
+            look(&format!("{} stick", crate::problem::STICKS[j]), trim[j], total[j], *limits);
+        }
+        for b in blades {
+            let at = |s: &Vector4<f64>| b.offset + (0..4).map(|j| b.gain[j] * s[j]).sum::<f64>();
+            look(&b.name, at(&trim), at(&total), b.limits);
+            let r: f64 = (0..4).map(|j| b.gain[j] * stick_rate[j]).sum();
+            fastest = fastest.max(r.abs());
+        }
+    }
+    Authority {
+        axis: axis.name().into(),
+        speed_m_s: point.speed,
+        control: worst.1,
+        used_percent: worst.0,
+        rate_deg_s: fastest.to_degrees(),
+        passed: worst.0 <= 100.0 && fastest <= spec.pitch_rate_limit,
+    }
+}
+
+/// What the hardware allows in roll or pitch, known before any tuning.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LagLaw {
+    /// Equivalent delay, s.
+    pub equivalent_delay_s: f64,
+    /// Largest disturbance rejection bandwidth at 45° and 6 dB, rad/s.
+    pub largest_drb_rad_s: f64,
+    /// Crossover there, rad/s.
+    pub crossover_rad_s: f64,
+}
+
+impl LagLaw {
+    /// Largest DRB about 0.110/τ and crossover about 0.40/τ at a phase margin
+    /// of 45° and gain margins of 6 dB: found on attitude loops with a
+    /// flapping lag, an actuator and a delay of this sum.
+    pub fn new(delay: f64) -> Self {
+        Self {
+            equivalent_delay_s: delay,
+            largest_drb_rad_s: 0.110 / delay,
+            crossover_rad_s: 0.40 / delay,
+        }
+    }
+}
