@@ -91,7 +91,7 @@ fn averaged_matrices_are_the_differences_of_the_averaged_rates() {
     // Central differences err by the square of the change, here 1e-4 of the
     // scale of each state, and by rounding over the change.
     const CHANGE: f64 = 1e-4;
-    const TOLERANCE: f64 = 1e-6;
+    const TOLERANCE: f64 = 1e-7;
     for flight in [&*HOVER, &*HOVER_OFF, &*FORWARD] {
         let scales = flight.scales();
         let n = scales.len();

@@ -253,6 +253,9 @@ impl Linearize {
         if self.format != ModelFormat::Table && !self.run.quiet {
             for case in &cases {
                 output::note(&summary(case));
+                if let Some((floquet, error)) = &case.averaging {
+                    output::note(&averaging_tables(floquet, error));
+                }
             }
         }
         let first = &cases[0];
@@ -818,7 +821,9 @@ fn response_figure(problem: &Problem, choice: Choice, cases: &[Case]) -> Result<
         });
     }
     let knots = Kind::Airspeed.from_si(cases[0].condition.airspeed, System::Us);
-    let title = format!("{}: {} at {}", problem.name, choice.label(), speed_text(knots));
+    // Of the periodic model the average is shown.
+    let shown = if choice == Choice::Full { Choice::Averaged } else { choice };
+    let title = format!("{}: {} at {}", problem.name, shown.label(), speed_text(knots));
     Ok(bode_figure(&title, &channels))
 }
 

@@ -354,7 +354,9 @@ pub(super) fn trust(error: &ResponseError) -> String {
     let percent = 100.0 * error.tolerance;
     let first = error.omega.first().copied().unwrap_or(0.0);
     let last = error.omega.last().copied().unwrap_or(0.0);
-    let good = bands(&error.omega, error.tolerance, |k| error.sigma_max[k]);
+    let mut good = bands(&error.omega, error.tolerance, |k| error.sigma_max[k]);
+    // Two curves that cross agree at one frequency without being alike.
+    good.retain(|(from, to)| to > from);
     let parts: Vec<String> = good
         .iter()
         .map(|&(from, to)| {
