@@ -59,6 +59,7 @@ fn main() {
     ];
     let problem = TuningProblem {
         set: &set,
+        between: Vec::new(),
         hardware: testbed::HARDWARE,
         settings,
         channels,

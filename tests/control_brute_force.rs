@@ -153,6 +153,7 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
         let specs = specs();
         let problem = TuningProblem {
             set: &set,
+            between: Vec::new(),
             hardware: testbed::HARDWARE,
             settings: SETTINGS,
             channels: specs.clone(),

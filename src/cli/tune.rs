@@ -11,7 +11,7 @@ use crate::control::design::{Design, DesignError, design};
 use crate::control::explain::{Explanation, explain};
 use crate::control::law::LawTable;
 use crate::control::models::{Built, LeftOut, ModelsError, build};
-use crate::control::plant::{ModelClass, ModelSet};
+use crate::control::plant::{ModelClass, ModelSet, Plant};
 use crate::control::spec::{self, Specification};
 use crate::control::tuning::TuningError;
 use crate::control::verify::{
@@ -214,7 +214,13 @@ impl Tune {
         }
         let progress = Progress::new("tuning", 1, self.run.quiet);
         let only: Vec<Channel> = self.axes.iter().map(|a| a.channel()).collect();
-        let design = design(&spec, &nodes, &only);
+        let between: Vec<Plant> = set
+            .plants
+            .iter()
+            .map(|p| p[0].clone())
+            .filter(|p| nodes.plants.iter().all(|n| (n[0].speed - p.speed).abs() > 1e-6))
+            .collect();
+        let design = design(&spec, &nodes, &between, &only);
         progress.finish();
         let design = design.map_err(|error| match error {
             DesignError::Tuning(TuningError::Unstabilisable { .. }) => usage(

@@ -3,7 +3,7 @@
 use super::axis::{Axis, Channel};
 use super::law::{LawError, LawPoint, LawTable};
 use super::loops::LawSettings;
-use super::plant::{Inversion, ModelSet};
+use super::plant::{Inversion, ModelSet, Plant};
 use super::spec::Specification;
 use super::tuning::{Tuning, TuningError, TuningProblem, equivalent_delay};
 use super::verify::LagLaw;
@@ -64,6 +64,9 @@ pub fn settings(spec: &Specification, lag: &[(Axis, f64, LagLaw)]) -> LawSetting
     law
 }
 
+/// `between` holds plants of the first model between the breakpoints, at which
+/// the interpolated law is tuned too.
+///
 /// Tunes the channels asked for (all if none is named; inner axes that are
 /// not asked for are tuned too, since every loop is cut with the others
 /// closed).
@@ -75,6 +78,7 @@ pub fn settings(spec: &Specification, lag: &[(Axis, f64, LagLaw)]) -> LawSetting
 pub fn design(
     spec: &Specification,
     set: &ModelSet,
+    between: &[Plant],
     only: &[Channel],
 ) -> Result<Design, DesignError> {
     let lag = lag_laws(spec, set)?;
@@ -90,6 +94,7 @@ pub fn design(
     }
     let problem = TuningProblem {
         set,
+        between: between.to_vec(),
         hardware: spec.hardware,
         settings: law,
         channels,

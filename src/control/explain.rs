@@ -9,7 +9,7 @@ use super::loops::{LawSettings, LoopModel};
 use super::metrics::{decibels, from_decibels};
 use super::plant::{ModelClass, Plant};
 use super::spec::{ChannelRequirement, Specification};
-use super::tuning::{ChannelProblem, ChannelSpec, Merit, TuningError};
+use super::tuning::{ChannelProblem, ChannelSpec, LoopSet, Merit, TuningError};
 use serde::{Deserialize, Serialize};
 
 /// A target that can be moved.
@@ -164,7 +164,7 @@ pub fn explain(
     grid.sort_by(f64::total_cmp);
     grid.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
     let model = LoopModel::new(plant, &point.inversion, settings, spec.hardware, 0.0, grid.into())?;
-    let models = vec![vec![model]];
+    let models = LoopSet { nodes: vec![vec![model]], between: Vec::new() };
     let start =
         if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
     let solve = |channel_spec: &ChannelSpec| -> Result<(Merit, f64), TuningError> {
@@ -181,7 +181,7 @@ pub fn explain(
         );
         let merit = problem.run(&mut gains)?;
         let x = gains[0][channel.index()].values(channel);
-        let loops = models[0][0].channel(&gains[0], channel, &[super::loops::Cut::Effector]);
+        let loops = models.nodes[0][0].channel(&gains[0], channel, &[super::loops::Cut::Effector]);
         let u = loops.activity_curve(&x);
         let activity = super::metrics::activity(
             super::metrics::Sampled::new(&loops.omega, &u),

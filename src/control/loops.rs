@@ -501,12 +501,24 @@ impl ChannelLoops {
     }
 }
 
-/// Real part of `rotation* · f`, as a row over variables `first…`, each scaled.
-pub fn real_row(rotation: C, f: &Affine, scale: &[f64], first: usize) -> AffineRow {
+/// How a gain depends on a variable of a program.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dependence {
+    /// The variable.
+    pub variable: usize,
+    /// Place of the gain among the channel's.
+    pub gain: usize,
+    /// Change of the gain per unit of the variable.
+    pub slope: f64,
+}
+
+/// Real part of `rotation* · f`, as a row over the variables that the gains
+/// depend on.
+pub fn real_row(rotation: C, f: &Affine, dependence: &[Dependence]) -> AffineRow {
     let r = rotation.conj();
     AffineRow::new(
         (r * f[0]).re,
-        scale.iter().enumerate().map(|(g, s)| (first + g, (r * f[1 + g]).re * s)).collect(),
+        dependence.iter().map(|d| (d.variable, (r * f[1 + d.gain]).re * d.slope)).collect(),
     )
 }
 

@@ -15,8 +15,8 @@
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::kite::Kite;
 use super::loops::{
-    Affine, ChannelLoops, Cut, FrequencyModel, LawSettings, LoopModel, affine_value, real_row,
-    without_hold,
+    Affine, ChannelLoops, Cut, Dependence, FrequencyModel, LawSettings, LoopModel, affine_value,
+    real_row, without_hold,
 };
 use super::metrics;
 use super::plant::{Hardware, Inversion, ModelClass, ModelSet, Plant, PlantError};
@@ -244,10 +244,32 @@ fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool
     })
 }
 
+/// Loops of every speed and model, and of the nominal model between speeds.
+#[derive(Debug, Clone)]
+pub struct LoopSet {
+    /// `nodes[speed][model]`.
+    pub nodes: Vec<Vec<LoopModel>>,
+    /// Between breakpoints, where the interpolated law must do.
+    pub between: Vec<Between>,
+}
+
+/// The nominal model between two breakpoints, under the interpolated law.
+#[derive(Debug, Clone)]
+pub struct Between {
+    /// Place of the lower breakpoint.
+    pub lower: usize,
+    /// Weight of the upper one.
+    pub weight: f64,
+    /// The loops.
+    pub model: LoopModel,
+}
+
 /// One speed and model within a channel's problem.
 #[derive(Clone)]
 struct Site {
     speed: usize,
+    /// For a site between breakpoints: the upper one, and its weight.
+    next: Option<(usize, f64)>,
     nominal: bool,
     targets: Targets,
     loops: ChannelLoops,
@@ -324,51 +346,68 @@ const RESCUE_ITERATIONS: usize = 10;
 const RATIO_PRICE: f64 = 300.0;
 
 impl<'a> ChannelProblem<'a> {
-    /// Assembles the problem. `models[speed][model]` are the loops, `gains`
-    /// one set a speed, `growth` the size of the kite (1: full).
+    /// Assembles the problem over the loops of `models`, `gains` one set a
+    /// speed, `growth` the size of the kite (1: full).
     #[allow(clippy::too_many_arguments)]
     pub fn new(
         channel: Channel,
         spec: &'a ChannelSpec,
         classes: &[ModelClass],
-        models: &[Vec<LoopModel>],
+        models: &LoopSet,
         speeds: &[f64],
         gains: &[GainSet],
         growth: f64,
         options: &'a TuningOptions,
     ) -> Self {
         let places: Vec<usize> = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
-        let pairs: Vec<(usize, usize)> = (0..places.len())
-            .flat_map(|v| (0..models[places[v]].len()).map(move |m| (v, m)))
-            .collect();
+        let pairs: Vec<(usize, usize)> =
+            (0..places.len()).flat_map(|v| (0..classes.len()).map(move |m| (v, m))).collect();
         // The effector cut comes first: activity is counted there. An outer
         // loop also has margins of its own.
         let cuts: &[Cut] =
             if channel.is_outer() { &[Cut::Effector, Cut::Channel] } else { &[Cut::Effector] };
-        let sites = pairs
+        let site = |loops: ChannelLoops, class: ModelClass, speed: usize, next, nominal: bool| {
+            let targets = *spec.targets(class);
+            let back = metrics::from_decibels(options.gain_back_off);
+            let kite = Kite::new(
+                targets.gain_up.powf(growth) * back,
+                targets.gain_down.powf(growth) * back,
+                targets.phase * growth + options.phase_back_off,
+            );
+            let rejection_points =
+                targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
+            Site {
+                speed,
+                next,
+                nominal,
+                targets,
+                kites: vec![kite; cuts.len()],
+                rejection_points,
+                weights: metrics::activity_weights(&loops.omega, metrics::ACTIVITY_BAND),
+                loops,
+            }
+        };
+        let mut sites: Vec<Site> = pairs
             .par_iter()
             .map(|&(v, m)| {
-                let targets = *spec.targets(classes[m]);
-                let loops = models[places[v]][m].channel(&gains[places[v]], channel, cuts);
-                let back = metrics::from_decibels(options.gain_back_off);
-                let kite = Kite::new(
-                    targets.gain_up.powf(growth) * back,
-                    targets.gain_down.powf(growth) * back,
-                    targets.phase * growth + options.phase_back_off,
-                );
-                let rejection_points =
-                    targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
-                Site {
-                    speed: v,
-                    nominal: m == 0,
-                    targets,
-                    kites: vec![kite; cuts.len()],
-                    rejection_points,
-                    weights: metrics::activity_weights(&loops.omega, metrics::ACTIVITY_BAND),
-                    loops,
-                }
+                let loops = models.nodes[places[v]][m].channel(&gains[places[v]], channel, cuts);
+                site(loops, classes[m], v, None, m == 0)
             })
             .collect();
+        let between: Vec<Site> = models
+            .between
+            .par_iter()
+            .filter_map(|b| {
+                let lower = places.iter().position(|&p| p == b.lower)?;
+                let upper = places.iter().position(|&p| p == b.lower + 1)?;
+                let blended: GainSet = std::array::from_fn(|c| {
+                    gains[b.lower][c].blend(&gains[b.lower + 1][c], b.weight)
+                });
+                let loops = b.model.channel(&blended, channel, cuts);
+                Some(site(loops, ModelClass::Nominal, lower, Some((upper, b.weight)), false))
+            })
+            .collect();
+        sites.extend(between);
         let mut problem = Self {
             channel,
             spec,
@@ -383,7 +422,7 @@ impl<'a> ChannelProblem<'a> {
         for site in &problem.sites {
             if site.nominal {
                 problem.reference_activity[site.speed] =
-                    site.activity_squared(&x[site.speed]).max(1e-12);
+                    site.activity_squared(&site.gains(&x)).max(1e-12);
             }
         }
         problem
@@ -413,10 +452,11 @@ impl<'a> ChannelProblem<'a> {
             .sites
             .par_iter()
             .map(|site| {
-                let old = reference.map(|r| r[site.speed].as_slice());
-                site.violations(&x[site.speed], old, self.options).map(|v| {
+                let own = site.gains(x);
+                let old = reference.map(|r| site.gains(r));
+                site.violations(&own, old.as_deref(), self.options).map(|v| {
                     let activity = if site.nominal {
-                        site.activity_squared(&x[site.speed]) / self.reference_activity[site.speed]
+                        site.activity_squared(&own) / self.reference_activity[site.speed]
                     } else {
                         0.0
                     };
@@ -574,9 +614,8 @@ impl<'a> ChannelProblem<'a> {
             .par_iter()
             .map(|site| {
                 site.rows(
-                    &x[site.speed],
-                    &scale[site.speed],
-                    site.speed * gains,
+                    &site.gains(x),
+                    &site.dependence(&scale),
                     slack0 + site.speed * KINDS,
                     trust,
                     self.options,
@@ -690,6 +729,32 @@ fn nearest(omega: &[f64], w: f64) -> usize {
 }
 
 impl Site {
+    /// The channel's gains here: those of the breakpoint, or the blend of two.
+    fn gains(&self, x: &[Vec<f64>]) -> Vec<f64> {
+        match self.next {
+            None => x[self.speed].clone(),
+            Some((other, t)) => {
+                x[self.speed].iter().zip(&x[other]).map(|(a, b)| (1.0 - t) * a + t * b).collect()
+            }
+        }
+    }
+
+    /// How these gains depend on the scaled steps of all speeds.
+    fn dependence(&self, scale: &[Vec<f64>]) -> Vec<Dependence> {
+        let part = |speed: usize, weight: f64| {
+            let gains = scale[speed].len();
+            scale[speed].iter().enumerate().map(move |(gain, s)| Dependence {
+                variable: speed * gains + gain,
+                gain,
+                slope: weight * s,
+            })
+        };
+        match self.next {
+            None => part(self.speed, 1.0).collect(),
+            Some((other, t)) => part(self.speed, 1.0 - t).chain(part(other, t)).collect(),
+        }
+    }
+
     fn activity_squared(&self, x: &[f64]) -> f64 {
         let l = &self.loops;
         (0..l.omega.len())
@@ -788,8 +853,7 @@ impl Site {
     fn rows(
         &self,
         x: &[f64],
-        scale: &[f64],
-        first: usize,
+        dependence: &[Dependence],
         slack: usize,
         trust: f64,
         options: &TuningOptions,
@@ -836,7 +900,7 @@ impl Site {
                 let separation = kite.separating_normal(a, b);
                 let normal = separation.normal;
                 for (d, _, _) in &points[k..=k + 1] {
-                    let mut row = real_row(normal, d, scale, first);
+                    let mut row = real_row(normal, d, dependence);
                     row.constant -= STABILITY_FLOOR.min(0.5 * row.constant.abs());
                     push(&mut out, None, row);
                 }
@@ -852,11 +916,7 @@ impl Site {
                     for z in &vertices[..2] {
                         // Re n*(L − z) D̄/D̄₀, affine in the gains.
                         let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
-                        push(
-                            &mut out,
-                            Some(Requirement::Margin),
-                            real_row(normal, &f, scale, first),
-                        );
+                        push(&mut out, Some(Requirement::Margin), real_row(normal, &f, dependence));
                     }
                 }
             }
@@ -866,8 +926,8 @@ impl Site {
                     let (d, b, curve) = &points[nearest(&l.omega, w)];
                     let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                     let unit = curve / curve.norm();
-                    let mut row = real_row(unit, &f, scale, first);
-                    let base = real_row(C::new(1.0, 0.0), b, scale, first);
+                    let mut row = real_row(unit, &f, dependence);
+                    let base = real_row(C::new(1.0, 0.0), b, dependence);
                     row.constant -= base.constant;
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
                         t.1 -= s.1;
@@ -878,14 +938,13 @@ impl Site {
                     for k in self.above(w).take(8).step_by(2) {
                         let (d, b, _) = &points[k];
                         let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
-                        let bound = real_row(C::new(1.0, 0.0), b, scale, first);
+                        let bound = real_row(C::new(1.0, 0.0), b, dependence);
                         push_cone(
                             &mut out,
                             Requirement::CrossoverMax,
                             bound,
                             &f,
-                            scale,
-                            first,
+                            dependence,
                             slack,
                             trust,
                         );
@@ -909,12 +968,12 @@ impl Site {
                     f[0] += t;
                 }
             }
-            let mut bound = real_row(unit, &d, scale, first);
+            let mut bound = real_row(unit, &d, dependence);
             bound.constant *= level;
             for t in &mut bound.terms {
                 t.1 *= level;
             }
-            push_cone(out, kind, bound, &f, scale, first, slack, trust);
+            push_cone(out, kind, bound, &f, dependence, slack, trust);
         };
         let level = self.rejection_level(options);
         for &k in &self.rejection_points {
@@ -938,7 +997,7 @@ impl Site {
                 let u = m[0] * ratio;
                 let slope: [C; 3] = std::array::from_fn(|g| {
                     (m[1 + g] * ratio + m[0] * (b[1 + g] * d[0] - b[0] * d[1 + g]) / (d[0] * d[0]))
-                        * scale.get(g).copied().unwrap_or(0.0)
+                        * dependence.get(g).map_or(0.0, |d| d.slope)
                 });
                 let w = self.weights[k] / activity_scale;
                 for i in 0..gains {
@@ -949,10 +1008,10 @@ impl Site {
                 }
             }
             for i in 0..gains {
-                out.linear.push((first + i, q[i]));
+                out.linear.push((dependence[i].variable, q[i]));
                 for j in 0..=i {
                     let v = if i == j { h[i][j] } else { 2.0 * h[i][j] };
-                    out.quadratic.push((first + i, first + j, v));
+                    out.quadratic.push((dependence[i].variable, dependence[j].variable, v));
                 }
             }
         }
@@ -967,27 +1026,26 @@ fn push_cone(
     kind: Requirement,
     mut bound: AffineRow,
     f: &Affine,
-    scale: &[f64],
-    first: usize,
+    dependence: &[Dependence],
     slack: usize,
     trust: f64,
 ) {
     let least = bound.constant - trust * bound.terms.iter().map(|t| t.1.abs()).sum::<f64>();
     let most = f[0].norm()
-        + trust * scale.iter().enumerate().map(|(g, s)| f[1 + g].norm() * s).sum::<f64>();
+        + trust * dependence.iter().map(|d| f[1 + d.gain].norm() * d.slope).sum::<f64>();
     if least >= most {
         return;
     }
     bound.terms.push((slack + kind as usize, 1.0));
-    let re = real_row(C::new(1.0, 0.0), f, scale, first);
-    let im = real_row(C::new(0.0, 1.0), f, scale, first);
+    let re = real_row(C::new(1.0, 0.0), f, dependence);
+    let im = real_row(C::new(0.0, 1.0), f, dependence);
     out.cones.push((kind, [bound, re, im]));
 }
 
 /// What the sweeps over channels share.
 struct Run<'a> {
     classes: &'a [ModelClass],
-    models: &'a [Vec<LoopModel>],
+    models: &'a LoopSet,
     speeds: &'a [f64],
     options: &'a TuningOptions,
     /// Whether other starts are tried where a requirement is missed.
@@ -1061,7 +1119,7 @@ impl Run<'_> {
                     }
                     stats.add(s);
                 }
-                if pair.len() == 1 || same_winding(self.models, gains, &joint) {
+                if pair.len() == 1 || same_winding(&self.models.nodes, gains, &joint) {
                     gains.copy_from_slice(&joint);
                     merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
                 } else {
@@ -1116,7 +1174,7 @@ impl Run<'_> {
             let x = problem.values(gains);
             for site in &problem.sites {
                 for (cut, kite) in site.kites.iter().enumerate() {
-                    let curve = site.loops.loop_curve(cut, &x[site.speed]);
+                    let curve = site.loops.loop_curve(cut, &site.gains(&x));
                     for k in 0..grid.len() - 1 {
                         let chord = (curve[k + 1] - curve[k]).norm();
                         if chord > LONGEST_CHORD
@@ -1221,8 +1279,12 @@ impl Run<'_> {
 
 /// Everything a tuning needs.
 pub struct TuningProblem<'a> {
-    /// Plants.
+    /// Plants at the breakpoints.
     pub set: &'a ModelSet,
+    /// Plants of the first model between breakpoints, at which the
+    /// interpolated law must meet the nominal requirements too; those outside
+    /// the range of the breakpoints are not used.
+    pub between: Vec<Plant>,
     /// Actuators, delay, sensors.
     pub hardware: Hardware,
     /// The law's choices.
@@ -1271,7 +1333,7 @@ impl TuningProblem<'_> {
         &self,
         inversions: &[Inversion],
         grid: &Arc<[f64]>,
-    ) -> Result<Vec<Vec<LoopModel>>, TuningError> {
+    ) -> Result<LoopSet, TuningError> {
         let pairs: Vec<(usize, usize)> = (0..self.set.plants.len())
             .flat_map(|v| (0..self.set.models.len()).map(move |m| (v, m)))
             .collect();
@@ -1289,12 +1351,39 @@ impl TuningProblem<'_> {
             })
             .collect();
         let mut list = list?.into_iter();
-        Ok(self
+        let nodes = self
             .set
             .plants
             .iter()
             .map(|_| list.by_ref().take(self.set.models.len()).collect())
-            .collect())
+            .collect();
+        let speeds = self.set.speeds();
+        let between: Result<Vec<Option<Between>>, PlantError> = self
+            .between
+            .par_iter()
+            .map(|plant| {
+                let upper = speeds.partition_point(|&v| v <= plant.speed);
+                if upper == 0 || upper == speeds.len() {
+                    return Ok(None);
+                }
+                let lower = upper - 1;
+                let weight = (plant.speed - speeds[lower]) / (speeds[upper] - speeds[lower]);
+                if weight < 1e-9 {
+                    return Ok(None);
+                }
+                let inversion = inversions[lower].blend(&inversions[upper], weight);
+                let model = LoopModel::new(
+                    plant,
+                    &inversion,
+                    &self.settings,
+                    self.hardware,
+                    self.set.models[0].extra_delay,
+                    grid.clone(),
+                )?;
+                Ok(Some(Between { lower, weight, model }))
+            })
+            .collect();
+        Ok(LoopSet { nodes, between: between?.into_iter().flatten().collect() })
     }
 
     /// Starting gains: for each speed the first of a few that stabilises every

@@ -227,6 +227,10 @@ fn one(
     let mut rows = Vec::new();
     for requirement in &spec.channels {
         let channel = requirement.channel;
+        if channel.is_outer() && !requirement.spec.applies(plant.speed) {
+            // Fading out between two breakpoints: not required here.
+            continue;
+        }
         if point.gains[channel.index()] == ChannelGains::default() {
             // The loop is open here: fine for an outer loop outside its range,
             // a miss for everything else.
