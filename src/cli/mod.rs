@@ -46,6 +46,7 @@ pub struct Cli {
 }
 
 /// The subcommands.
+#[allow(clippy::large_enum_variant)] // made once, by the parser
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover

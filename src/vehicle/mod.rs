@@ -593,6 +593,12 @@ impl Vehicle {
             }
             settled = change < LOOP_TOLERANCE;
         }
+        if looped && !settled {
+            // No inflow satisfies the loop: rates that are not finite say so.
+            for inflow in &mut work.inflow {
+                *inflow = [S::constant(f64::NAN); 3];
+            }
+        }
     }
 
     /// Velocity of the air that all rotors move at a point, body frame.

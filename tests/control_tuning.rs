@@ -1,0 +1,159 @@
+//! The tuning as a whole, on the test bed.
+
+use coaxdesign::control::axis::{Axis, Channel};
+use coaxdesign::control::design::{design, lag_laws};
+use coaxdesign::control::plant::{ModelClass, ModelSet};
+use coaxdesign::control::spec::{self, Specification};
+use coaxdesign::control::tuning::TuningError;
+use coaxdesign::control::verify::verify;
+use coaxdesign::control::{design::DesignError, testbed};
+
+fn with(f: impl Fn(&mut Specification)) -> Specification {
+    let mut s = spec::builtin().unwrap_or_else(|r| panic!("{r}"));
+    s.models.truncate(1);
+    f(&mut s);
+    s
+}
+
+fn inner_only(s: &mut Specification) {
+    s.channels.retain(|c| !c.channel.is_outer());
+}
+
+/// A set at these speeds and, for the verification, with the middles.
+fn sets(speeds: &[f64]) -> (ModelSet, ModelSet) {
+    let mut all = speeds.to_vec();
+    all.extend(speeds.windows(2).map(|w| 0.5 * (w[0] + w[1])));
+    all.sort_by(f64::total_cmp);
+    (testbed::model_set(speeds, false), testbed::model_set(&all, false))
+}
+
+fn between(nodes: &ModelSet, all: &ModelSet) -> Vec<coaxdesign::control::plant::Plant> {
+    let known = nodes.speeds();
+    all.plants
+        .iter()
+        .map(|p| p[0].clone())
+        .filter(|p| known.iter().all(|v| (v - p.speed).abs() > 1e-9))
+        .collect()
+}
+
+/// Low speed, full law with outer loops: every nominal requirement is met at
+/// nodes and between them, and the full-order loop is stable.
+#[test]
+fn nominal_requirements_are_met_at_nodes_and_between() {
+    let spec = with(|_| {});
+    let (nodes, all) = sets(&[0.0, 10.0, 20.0]);
+    let d = design(&spec, &nodes, &between(&nodes, &all), &[]).unwrap();
+    let v = verify(&d.table, &all, &spec.hardware, &spec).unwrap();
+    for r in &v.rows {
+        assert!(r.passed, "{} at {:.1} m/s: {:?}", r.axis, r.speed_m_s, r.missed);
+    }
+    assert!(v.stability.iter().all(|s| s.passed));
+    assert!(v.passed && v.nominal_passed);
+}
+
+/// An impossible DRB ends in a design that is stable, and missed rows that say
+/// what is missed; nothing fails.
+#[test]
+fn impossible_requirement_gives_the_least_violating_design() {
+    let spec = with(|s| {
+        inner_only(s);
+        s.channels.retain(|c| c.channel == Channel::Roll);
+        s.channels[0].spec.nominal.drb = Some(3.0);
+    });
+    let (nodes, _) = sets(&[0.0]);
+    let d = design(&spec, &nodes, &[], &[]).unwrap();
+    let v = verify(&d.table, &nodes, &spec.hardware, &spec).unwrap();
+    assert!(!v.passed);
+    assert!(!v.rows[0].missed.is_empty());
+    // Single axis and one speed: the pitch loop is open, so only the roll
+    // loop's own requirement is judged, and D has not changed its winding.
+    assert_eq!(v.rows.len(), 1);
+}
+
+/// Contradictory bounds are weighed, not refused: crossover above 4 rad/s and a
+/// phase margin of 80 deg cannot both be had with this delay.
+#[test]
+fn contradictory_requirements_are_both_reported() {
+    let spec = with(|s| {
+        inner_only(s);
+        let roll = &mut s.channels[0].spec.nominal;
+        roll.crossover_min = Some(4.0);
+        roll.phase = 80f64.to_radians();
+    });
+    let (nodes, _) = sets(&[0.0]);
+    let d = design(&spec, &nodes, &[], &[]).unwrap();
+    let v = verify(&d.table, &nodes, &spec.hardware, &spec).unwrap();
+    let roll = v.rows.iter().find(|r| r.axis == "roll").unwrap();
+    assert!(!roll.passed);
+}
+
+/// Half a second of delay on an unstable vehicle: no start stabilises it, and
+/// the error says where.
+#[test]
+fn unstabilisable_model_is_named() {
+    let spec = with(|s| {
+        inner_only(s);
+        s.hardware.delay = 0.9;
+    });
+    let mut set = testbed::model_set(&[0.0], false);
+    // A pitch divergence of 3 rad/s.
+    let p = &mut set.plants[0][0];
+    p.a[(4, 4)] += 3.0;
+    p.reduced_a[(4, 4)] += 3.0;
+    match design(&spec, &set, &[], &[]) {
+        Err(DesignError::Tuning(TuningError::Unstabilisable { model, growth, .. })) => {
+            assert_eq!(model, "nominal");
+            assert!(growth > 0.0);
+        }
+        other => panic!("{:?}", other.map(|d| d.tuning.stats)),
+    }
+}
+
+/// Same input, same result to the last bit, whatever the number of threads.
+#[test]
+fn result_does_not_depend_on_threads() {
+    let spec = with(inner_only);
+    let (nodes, _) = sets(&[0.0, 15.0]);
+    let run = |threads: usize| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| design(&spec, &nodes, &[], &[]).unwrap().tuning.gains)
+    };
+    assert_eq!(run(1), run(3));
+}
+
+/// The lag law sees hardware and rotor: more delay, less bandwidth, by as much.
+#[test]
+fn lag_law_follows_the_delay() {
+    let (nodes, _) = sets(&[0.0]);
+    let fast = with(|_| {});
+    let slow = with(|s| s.hardware.delay += 0.050);
+    let delay = |s: &Specification| {
+        let laws = lag_laws(s, &nodes).unwrap();
+        laws.iter().find(|l| l.0 == Axis::Roll).unwrap().2
+    };
+    let (a, b) = (delay(&fast), delay(&slow));
+    let added = b.equivalent_delay_s - a.equivalent_delay_s;
+    assert!((added - 0.050).abs() < 0.008, "{added}");
+    // Test bed: actuator 53 ms, delay 35, sensor 17, flapping 47.
+    assert!((a.equivalent_delay_s - 0.152).abs() < 0.012, "{}", a.equivalent_delay_s);
+    assert!(b.largest_drb_rad_s < a.largest_drb_rad_s);
+}
+
+/// Off-nominal models are held to their own margins.
+#[test]
+fn robust_tuning_meets_off_nominal_margins() {
+    let spec = with(|s| {
+        inner_only(s);
+        s.models.push(s.models[0].clone());
+        s.models[1].info.class = ModelClass::OffNominal;
+    });
+    let set = testbed::model_set(&[0.0, 10.0], true);
+    let d = design(&spec, &set, &[], &[]).unwrap();
+    let v = verify(&d.table, &set, &spec.hardware, &spec).unwrap();
+    for r in &v.rows {
+        assert!(r.passed, "{} {} at {:.1} m/s: {:?}", r.axis, r.model, r.speed_m_s, r.missed);
+    }
+}
