@@ -6,9 +6,8 @@ use crate::numerics::least_squares::{self, IterationReport, Residuals};
 use crate::problem::STICKS;
 use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::Shooting;
-use crate::units::Kind;
+use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
-use crate::vehicle::atmosphere::STANDARD_GRAVITY;
 use nalgebra::DVector;
 use std::f64::consts::PI;
 

@@ -25,7 +25,8 @@ pub mod wing;
 
 use crate::numerics::scalar::{Scalar, Vec3};
 use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
-use atmosphere::{Air, STANDARD_GRAVITY};
+use crate::units::STANDARD_GRAVITY;
+use atmosphere::Air;
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
