@@ -99,6 +99,7 @@ fn overrides_change_what_they_name_and_nothing_else() {
         assert_eq!(rotor.hub.water_line, original.hub.water_line);
         rotor.hub = original.hub;
         rotor.teeter_torque_tilt = original.teeter_torque_tilt;
+        rotor.airfoil = original.airfoil.clone();
     }
     assert_eq!(format!("{appendix:?}"), format!("{base:?}"));
 }

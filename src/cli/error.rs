@@ -60,6 +60,9 @@ pub enum CliError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// The computation ran, but could not give what was asked for.
+    #[error("{0}")]
+    Missed(String),
     /// A result that should have been there is not.
     #[error("internal error: {0}")]
     Internal(String),
@@ -69,6 +72,7 @@ impl CliError {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             CliError::Problem(report) if report.unreadable => 3,
+            CliError::Missed(_) => 1,
             CliError::Problem(_) | CliError::Vehicle(_) | CliError::Usage { .. } => 2,
             CliError::Exists { .. } | CliError::Io { .. } => 3,
             CliError::Internal(_) => INTERNAL,

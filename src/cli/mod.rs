@@ -5,10 +5,14 @@
 //! [`Outcome`], or a [`CliError`] that knows its exit code.
 
 pub mod args;
+mod bode;
 mod check;
 mod completions;
 mod error;
+mod linearize;
 mod man;
+mod models;
+mod modes;
 mod new;
 pub mod output;
 mod schema;
@@ -42,6 +46,7 @@ pub struct Cli {
 }
 
 /// The subcommands.
+#[allow(clippy::large_enum_variant)] // made once, by the parser
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
@@ -50,6 +55,12 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Linear models of a trim: periodic, averaged, harmonic, reduced
+    Linearize(linearize::Linearize),
+    /// Eigenvalues or Floquet exponents of a trim, and what they are
+    Modes(modes::Modes),
+    /// Frequency responses of a trim
+    Bode(bode::Bode),
     /// Compare with every number of the reference paper
     Validate(validate::Validate),
     /// Check a problem file and show what was understood
@@ -70,6 +81,9 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Linearize(command) => command.run(),
+            Command::Modes(command) => command.run(),
+            Command::Bode(command) => command.run(),
             Command::Validate(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::Schema(command) => command.run(),

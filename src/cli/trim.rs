@@ -260,7 +260,8 @@ pub(super) fn trim_all(
     swept.into_iter().collect()
 }
 
-fn on_off(on: bool) -> &'static str {
+/// The interactions in a word.
+pub(super) fn on_off(on: bool) -> &'static str {
     if on { "on" } else { "off" }
 }
 
@@ -680,7 +681,7 @@ fn trace(point: &TrimPoint) -> String {
 }
 
 /// What did not trim and why.
-fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
+pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
     let mut text = String::new();
     for points in sweeps {
         for (index, point) in points.iter().enumerate() {

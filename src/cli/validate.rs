@@ -22,6 +22,9 @@ pub(super) const RIGID_BODY: [&str; 8] = ["u", "v", "w", "p", "q", "r", "phi", "
 /// Printed entries of A and B below this, in the printed units, are rounding.
 const SMALLEST_ENTRY: f64 = 0.01;
 
+/// What the numbers mean, and what was tried on those that do not fit.
+const INTRODUCTION: &str = include_str!("validate.md");
+
 /// Compare with every number that the reference paper prints, as Markdown
 #[derive(Debug, Args)]
 pub struct Validate {
@@ -43,7 +46,7 @@ impl Validate {
 
 /// The comparison as Markdown.
 fn markdown() -> Result<String, CliError> {
-    let mut text = String::new();
+    let mut text = String::from(INTRODUCTION);
     for name in ["coax2d-appendix", "coax2d", "coax2d-physics"] {
         let problem = problem::builtin_named(name)?.problem;
         text += &format!("## `{name}`\n\n");

@@ -350,10 +350,10 @@ impl Controller {
         let mut acceleration = nu - (attitude_part + velocity * settings.kappa) * x;
         // The reference model's deviation is from the trim at the scheduled
         // speed: when that moves, the deviation moves the other way.
-        for k in 0..2 {
-            self.model[k] -= tv[k] - self.trim_velocity[k];
-            self.trim_velocity[k] = tv[k];
+        for ((model, old), new) in self.model.iter_mut().zip(&self.trim_velocity).zip(tv.iter()) {
+            *model -= new - old;
         }
+        self.trim_velocity[..2].copy_from_slice(&[tv[0], tv[1]]);
         let rho = SVector::<f64, 6>::from_column_slice(&[
             self.references[0].value - trim.roll,
             self.references[1].value - trim.pitch,

@@ -384,9 +384,9 @@ impl LoopModel {
                     // The minor without row and column e, kept 4 × 4 with a unit there.
                     let mut minor = m;
                     let mut reduced = column;
-                    for k in 0..4 {
-                        minor[e][k] = ZERO;
-                        minor[k][e] = ZERO;
+                    minor[e] = [ZERO; 4];
+                    for row in &mut minor {
+                        row[e] = ZERO;
                     }
                     minor[e][e] = ONE;
                     reduced[e] = ZERO;

@@ -92,7 +92,7 @@ impl Builder {
             let own = self.state(first + k);
             self.feed(last, -ck / (time * c[m]), &own);
         }
-        let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut out = self.zero();
         add(&mut out, sign(m), input);
         for (k, ck) in c.iter().take(m).enumerate() {
@@ -201,11 +201,11 @@ pub fn closed_loop_matrix(
         let mut ideal: Vec<Signal> = Vec::with_capacity(8);
         for k in 0..8 {
             let mut s = b.zero();
-            for j in 0..2 {
+            for (j, reference) in references.iter().enumerate().take(2) {
                 let own = b.state(z + j);
                 add(&mut s, r.state[(k, j)], &own);
-                add(&mut s, r.input[(k, j)], &references[j][0]);
-                add(&mut s, r.input[(k, 2 + j)], &references[j][1]);
+                add(&mut s, r.input[(k, j)], &reference[0]);
+                add(&mut s, r.input[(k, 2 + j)], &reference[1]);
             }
             ideal.push(s);
         }

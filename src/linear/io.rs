@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::LinearError;
-use super::model::{Channel, Matrices, StateSpace};
+use super::model::{Channel, Matrices, PeriodicModel, StateSpace};
 use super::set::ModelSet;
 use crate::units::{KNOT, Kind, System};
 
@@ -18,6 +18,9 @@ use crate::units::{KNOT, Kind, System};
 pub const LTI_SCHEMA: &str = "coaxdesign.lti/1";
 /// Schema of a set of models over speed.
 pub const LTI_SET_SCHEMA: &str = "coaxdesign.lti-set/1";
+
+/// Schema of a periodic model.
+pub const LTP_SCHEMA: &str = "coaxdesign.ltp/1";
 
 /// A model and the flight condition that it belongs to.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,31 +121,41 @@ pub fn to_json(record: &ModelRecord, system: System) -> String {
     out
 }
 
+fn channels_text(list: &[Channel], system: System, indent: &str) -> String {
+    list.iter()
+        .map(|c| {
+            format!(
+                "{{\"name\": {}, \"unit\": {}}}",
+                quoted(&c.name),
+                quoted(c.kind.symbol(system))
+            )
+        })
+        .collect::<Vec<_>>()
+        .join(&format!(",\n{indent}    "))
+}
+
+fn rows_text(x: &DMatrix<f64>, indent: &str) -> String {
+    let lines: Vec<String> = x
+        .row_iter()
+        .map(|r| {
+            let values: Vec<String> = r.iter().map(|v| number(*v)).collect();
+            format!("[{}]", values.join(", "))
+        })
+        .collect();
+    lines.join(&format!(",\n{indent}    "))
+}
+
+fn write_list(out: &mut String, indent: &str, key: &str, body: &str) {
+    let _ = if body.is_empty() {
+        write!(out, ",\n{indent}  \"{key}\": []")
+    } else {
+        write!(out, ",\n{indent}  \"{key}\": [\n{indent}    {body}\n{indent}  ]")
+    };
+}
+
 fn write_model(out: &mut String, record: &ModelRecord, system: System, indent: &str) {
     let m = &record.model;
-    let channels = |list: &[Channel]| {
-        list.iter()
-            .map(|c| {
-                format!(
-                    "{{\"name\": {}, \"unit\": {}}}",
-                    quoted(&c.name),
-                    quoted(c.kind.symbol(system))
-                )
-            })
-            .collect::<Vec<_>>()
-            .join(&format!(",\n{indent}    "))
-    };
     let matrices = m.matrices_in(system);
-    let rows = |x: &DMatrix<f64>| {
-        let lines: Vec<String> = x
-            .row_iter()
-            .map(|r| {
-                let values: Vec<String> = r.iter().map(|v| number(*v)).collect();
-                format!("[{}]", values.join(", "))
-            })
-            .collect();
-        lines.join(&format!(",\n{indent}    "))
-    };
     // Writing to a String cannot fail.
     let _ = write!(
         out,
@@ -151,20 +164,13 @@ fn write_model(out: &mut String, record: &ModelRecord, system: System, indent: &
         number(knots(record.speed)),
         interactions_text(record.interactions),
     );
-    let mut list = |key: &str, body: String| {
-        let _ = if body.is_empty() {
-            write!(out, ",\n{indent}  \"{key}\": []")
-        } else {
-            write!(out, ",\n{indent}  \"{key}\": [\n{indent}    {body}\n{indent}  ]")
-        };
-    };
-    list("states", channels(m.states()));
-    list("inputs", channels(m.inputs()));
-    list("outputs", channels(m.outputs()));
-    list("a", rows(&matrices.a));
-    list("b", rows(&matrices.b));
-    list("c", rows(&matrices.c));
-    list("d", rows(&matrices.d));
+    for (key, list) in [("states", m.states()), ("inputs", m.inputs()), ("outputs", m.outputs())] {
+        write_list(out, indent, key, &channels_text(list, system, indent));
+    }
+    for (key, x) in [("a", &matrices.a), ("b", &matrices.b), ("c", &matrices.c), ("d", &matrices.d)]
+    {
+        write_list(out, indent, key, &rows_text(x, indent));
+    }
     let _ = write!(out, "\n{indent}}}");
 }
 
@@ -293,6 +299,96 @@ pub fn set_from_json(text: &str) -> Result<ModelSet, LinearError> {
     ModelSet::new(file.interactions, speeds, models)
 }
 
+/// The matrices of every sample of a periodic model in shown units.
+fn sampled_matrices(model: &PeriodicModel, system: System) -> Result<Vec<Matrices>, LinearError> {
+    model
+        .samples()
+        .iter()
+        .map(|s| {
+            let at_azimuth = StateSpace::new(
+                model.states().to_vec(),
+                model.inputs().to_vec(),
+                model.outputs().to_vec(),
+                s.a.clone(),
+                s.b.clone(),
+                s.c.clone(),
+                s.d.clone(),
+            )?;
+            Ok(at_azimuth.matrices_in(system))
+        })
+        .collect()
+}
+
+fn azimuth_of(sample: usize, count: usize) -> f64 {
+    std::f64::consts::TAU * sample as f64 / count as f64
+}
+
+/// A periodic model as JSON of schema [`LTP_SCHEMA`]: channels as in a
+/// time-invariant model, `frequency_rad_per_s` Ω, and `samples`, each with
+/// its `azimuth_rad` and its four matrices. `speed` is in m/s.
+///
+/// # Errors
+/// None that a valid model could cause.
+pub fn periodic_to_json(
+    speed: f64,
+    interactions: Option<bool>,
+    model: &PeriodicModel,
+    system: System,
+) -> Result<String, LinearError> {
+    let mut out = format!(
+        "{{\n  \"schema\": {},\n  \"speed_kt\": {},\n  \"interactions\": {},\n  \
+         \"frequency_rad_per_s\": {}",
+        quoted(LTP_SCHEMA),
+        number(knots(speed)),
+        interactions_text(interactions),
+        number(model.frequency()),
+    );
+    for (key, list) in
+        [("states", model.states()), ("inputs", model.inputs()), ("outputs", model.outputs())]
+    {
+        write_list(&mut out, "", key, &channels_text(list, system, ""));
+    }
+    out.push_str(",\n  \"samples\": [");
+    let samples = sampled_matrices(model, system)?;
+    for (k, m) in samples.iter().enumerate() {
+        out.push_str(if k == 0 { "\n    {" } else { ",\n    {" });
+        let azimuth = number(azimuth_of(k, samples.len()));
+        let _ = write!(out, "\n      \"azimuth_rad\": {azimuth}");
+        for (key, x) in [("a", &m.a), ("b", &m.b), ("c", &m.c), ("d", &m.d)] {
+            write_list(&mut out, "    ", key, &rows_text(x, "    "));
+        }
+        out.push_str("\n    }");
+    }
+    out.push_str("\n  ]\n}\n");
+    Ok(out)
+}
+
+/// A periodic model as a MAT file: A, B, C, D are three-dimensional, the last
+/// index running over `azimuth_rad`; `frequency_rad_per_s` is Ω. `speed` is
+/// in m/s.
+///
+/// # Errors
+/// None that a valid model could cause.
+pub fn periodic_to_mat(
+    speed: f64,
+    interactions: Option<bool>,
+    model: &PeriodicModel,
+    system: System,
+) -> Result<Vec<u8>, LinearError> {
+    let all = sampled_matrices(model, system)?;
+    let (n, m, p, k) =
+        (model.states().len(), model.inputs().len(), model.outputs().len(), all.len());
+    let mut file = MatFile::new();
+    file.stack(&all, [n, m, p, k]);
+    let azimuth: Vec<f64> = (0..k).map(|i| azimuth_of(i, k)).collect();
+    file.array("azimuth_rad", &[k, 1], &azimuth);
+    file.array("frequency_rad_per_s", &[1, 1], &[model.frequency()]);
+    file.array("speed_kt", &[1, 1], &[knots(speed)]);
+    file.array("interactions", &[1, 1], &[interactions.map_or(f64::NAN, f64::from)]);
+    file.channels([model.states(), model.inputs(), model.outputs()], system);
+    Ok(file.bytes)
+}
+
 /// A model as CSV, one entry a line: matrix, row and column with their units,
 /// value. An entry has the row's unit per column's unit; rows of A and B are
 /// rates and have a further 1/s.
@@ -349,7 +445,7 @@ pub fn to_mat(record: &ModelRecord, system: System) -> Vec<u8> {
     file.array("D", &[m.outputs().len(), m.inputs().len()], matrices.d.as_slice());
     file.array("speed_kt", &[1, 1], &[knots(record.speed)]);
     file.array("interactions", &[1, 1], &[record.interactions.map_or(f64::NAN, f64::from)]);
-    file.channels(m, system);
+    file.channels([m.states(), m.inputs(), m.outputs()], system);
     file.bytes
 }
 
@@ -358,20 +454,14 @@ pub fn to_mat(record: &ModelRecord, system: System) -> Vec<u8> {
 pub fn set_to_mat(set: &ModelSet, system: System) -> Vec<u8> {
     let first = &set.models()[0];
     let all: Vec<Matrices> = set.models().iter().map(|m| m.matrices_in(system)).collect();
-    let joined = |pick: fn(&Matrices) -> &DMatrix<f64>| -> Vec<f64> {
-        all.iter().flat_map(|m| pick(m).as_slice().iter().copied()).collect()
-    };
     let (n, m, p, k) =
         (first.states().len(), first.inputs().len(), first.outputs().len(), all.len());
     let mut file = MatFile::new();
-    file.array("A", &[n, n, k], &joined(|x| &x.a));
-    file.array("B", &[n, m, k], &joined(|x| &x.b));
-    file.array("C", &[p, n, k], &joined(|x| &x.c));
-    file.array("D", &[p, m, k], &joined(|x| &x.d));
+    file.stack(&all, [n, m, p, k]);
     let speeds: Vec<f64> = set.speeds().iter().map(|v| knots(*v)).collect();
     file.array("speed_kt", &[k, 1], &speeds);
     file.array("interactions", &[1, 1], &[set.interactions().map_or(f64::NAN, f64::from)]);
-    file.channels(first, system);
+    file.channels([first.states(), first.inputs(), first.outputs()], system);
     file.bytes
 }
 
@@ -420,10 +510,22 @@ impl MatFile {
         element(&mut self.bytes, mat::MATRIX, &body);
     }
 
-    fn channels(&mut self, model: &StateSpace, system: System) {
-        for (role, list) in
-            [("state", model.states()), ("input", model.inputs()), ("output", model.outputs())]
-        {
+    /// A, B, C, D of several models, one behind the other; `sizes` are the
+    /// numbers of states, inputs, outputs and models.
+    fn stack(&mut self, all: &[Matrices], sizes: [usize; 4]) {
+        let [n, m, p, k] = sizes;
+        let joined = |pick: fn(&Matrices) -> &DMatrix<f64>| -> Vec<f64> {
+            all.iter().flat_map(|x| pick(x).as_slice().iter().copied()).collect()
+        };
+        self.array("A", &[n, n, k], &joined(|x| &x.a));
+        self.array("B", &[n, m, k], &joined(|x| &x.b));
+        self.array("C", &[p, n, k], &joined(|x| &x.c));
+        self.array("D", &[p, m, k], &joined(|x| &x.d));
+    }
+
+    /// Names and units of states, inputs and outputs.
+    fn channels(&mut self, lists: [&[Channel]; 3], system: System) {
+        for (role, list) in ["state", "input", "output"].into_iter().zip(lists) {
             let names: Vec<&str> = list.iter().map(|c| c.name.as_str()).collect();
             let units: Vec<&str> = list.iter().map(|c| c.kind.symbol(system)).collect();
             self.cell_of_text(&format!("{role}_names"), &names);

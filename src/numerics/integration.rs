@@ -201,8 +201,9 @@ mod tests {
         for (method, steps) in [(RUNGE_KUTTA_4, 20), (COOPER_VERNER_8, 5)] {
             let error = |n: usize| (end(method, n)[0] - reference[0]).abs();
             let observed = (error(steps) / error(2 * steps)).log2();
+            // Leading terms may cancel here; a lower order may not be seen.
             assert!(
-                (observed - f64::from(method.order)).abs() < 0.9,
+                observed > f64::from(method.order) - 0.5,
                 "{}: observed order {observed}",
                 method.name
             );

@@ -153,11 +153,7 @@ impl<const N: usize> Dual<N> {
 
     #[inline(always)]
     fn combined(value: f64, a: &Self, wa: f64, b: &Self, wb: f64) -> Self {
-        let mut d = [0.0; N];
-        for k in 0..N {
-            d[k] = wa * a.d[k] + wb * b.d[k];
-        }
-        Self { v: value, d }
+        Self { v: value, d: std::array::from_fn(|k| wa * a.d[k] + wb * b.d[k]) }
     }
 }
 
@@ -294,8 +290,8 @@ impl<const N: usize> Scalar for Dual<N> {
     fn chain<const K: usize>(value: f64, partials: &[f64; K], input: &[Self; K]) -> Self {
         let mut d = [0.0; N];
         for (weight, term) in partials.iter().zip(input) {
-            for k in 0..N {
-                d[k] += weight * term.d[k];
+            for (sum, tangent) in d.iter_mut().zip(&term.d) {
+                *sum += weight * tangent;
             }
         }
         Self { v: value, d }

@@ -449,6 +449,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             "coarse" => InterferenceRule::Coarse,
             _ => InterferenceRule::Converged,
         },
+        mirrored_interference: table.flag("mirrored_interference")?,
         wash_core: table.number("wash_core")?,
     })
 }

@@ -614,6 +614,14 @@ static INFLOW: Table = Table {
             "Quadrature of the interference coefficients.",
         ),
         default(
+            "mirrored_interference",
+            Value::Bool,
+            "true",
+            "Whether the lateral gradient of interference changes sign between rotors of opposite \
+             rotation, whose frames are mirror images, which is right, or keeps it, which the \
+             published matrices suggest.",
+        ),
+        default(
             "wash_core",
             Value::Number(above_to("0", "1")),
             "0.05",

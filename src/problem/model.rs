@@ -356,6 +356,9 @@ pub struct InflowOptions {
     pub total_inflow: TotalInflow,
     /// Quadrature rule.
     pub interference_rule: InterferenceRule,
+    /// Whether the sine harmonics of interference change sign between rotors
+    /// of opposite rotation (right), or keep it (the published matrices).
+    pub mirrored_interference: bool,
     /// Core radius of the wake that washes bodies and wings, fraction of the
     /// source's radius.
     pub wash_core: f64,

@@ -9,10 +9,10 @@
 //! with the exact Jacobian, carried along the integration by dual numbers.
 //!
 //! * [`condition`]: what is asked for.
-//! * [`reference`]: published hover values of the CoAX 2D.
+//! * [`mod@reference`]: published hover values of the CoAX 2D.
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
-//! * [`sweep`]: many points, each from its neighbour.
+//! * [`mod@sweep`]: many points, each from its neighbour.
 
 pub mod condition;
 pub mod reference;

@@ -80,6 +80,12 @@ impl<'a> Shooting<'a> {
         Self { vehicle, condition, method, steps, jacobian_steps, free, fixed, scales }
     }
 
+    /// The same problem with half the step.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        Self { steps: 2 * self.steps, ..self.clone() }
+    }
+
     /// Integration method.
     #[must_use]
     pub fn method(&self) -> Method {

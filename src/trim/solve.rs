@@ -6,9 +6,8 @@ use crate::numerics::least_squares::{self, IterationReport, Residuals};
 use crate::problem::STICKS;
 use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::Shooting;
-use crate::units::Kind;
+use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
-use crate::vehicle::atmosphere::STANDARD_GRAVITY;
 use nalgebra::DVector;
 use std::f64::consts::PI;
 
@@ -18,9 +17,9 @@ pub struct Options {
     /// Converged when the norm of the scaled residuals is below this, 1.
     /// Scales: 1 m/s, 0.1 rad and rad/s, 0.02 rad of flapping, 0.01 of inflow.
     pub residual_tolerance: f64,
-    /// Largest change of a scaled state over one period when the step is
-    /// halved, 1, as estimated from twice the step: the error test that
-    /// chooses the step.
+    /// Largest change of any unknown (state at azimuth zero or stick) on halving
+    /// the step, relative to itself or, where it is small, to its scale: the
+    /// error test that chooses the step.
     pub step_tolerance: f64,
     /// Steps a period to begin with.
     pub steps: usize,
@@ -36,7 +35,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             residual_tolerance: 1e-10,
-            step_tolerance: 2e-7,
+            step_tolerance: 5e-7,
             steps: 36,
             most_steps: 1152,
             max_iterations: 40,
@@ -207,8 +206,7 @@ pub struct TrimPoint {
     pub steps: usize,
     /// Integration method.
     pub method: Method,
-    /// Estimate of the largest change of a scaled state at the end of the
-    /// period on halving the step.
+    /// Largest relative change of any unknown on halving the step.
     pub step_error: f64,
     /// Rotors.
     pub rotors: Vec<RotorMean>,
@@ -335,24 +333,19 @@ pub fn trim(
         iterations += solution.iterations;
         history.extend(solution.history.iter().cloned());
         let converged = solution.converged();
-        let error = if converged {
-            // The coarser orbit is cheaper than a finer one. Halving the step
-            // cuts the error at least by four, even where the tables'
-            // curvature jumps and the method loses its order.
-            let coarser = Shooting::new(vehicle, condition, options.method, steps / 2);
-            coarser
-                .evaluate(&solution.x)
-                .map_or(f64::NAN, |residuals| (residuals - &solution.residuals).amax() / 4.0)
-        } else {
-            f64::NAN
-        };
-        let (state, sticks) = shooting.unpack(&solution.x);
-        if converged && !(error <= options.step_tolerance) && 2 * steps <= options.most_steps {
+        // Newton's step on the system with half the step: how far every unknown
+        // would move.
+        let shift = if converged { halving_shift(&shooting, &solution) } else { None };
+        let error = shift.as_ref().map_or(f64::NAN, |shift| relative_size(shift, &solution.x));
+        let fine = error <= options.step_tolerance;
+        if converged && !fine && 2 * steps <= options.most_steps {
             steps *= 2;
+            let moved = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
+            let (state, sticks) = shooting.unpack(&moved);
             start = Guess { state, sticks, steps: None };
             continue;
         }
-        let status = if converged && error <= options.step_tolerance {
+        let status = if converged && fine {
             Status::Converged
         } else if converged {
             Status::Failed {
@@ -360,7 +353,7 @@ pub fn trim(
                 binding: Vec::new(),
                 reason: format!(
                     "the step could not be made fine enough: halving {steps} steps a period still \
-                     moves the orbit by {error:.1e}"
+                     moves the trim by {error:.1e}"
                 ),
             }
         } else {
@@ -371,6 +364,26 @@ pub fn trim(
         point.history = history;
         return point;
     }
+}
+
+/// Newton's step from the solution towards that with half the step, scaled.
+fn halving_shift(
+    shooting: &Shooting<'_>,
+    solution: &least_squares::Solution,
+) -> Option<DVector<f64>> {
+    let residuals = shooting.halved().evaluate(&solution.x).ok()?;
+    let jacobian = match &solution.jacobian {
+        Some(jacobian) => jacobian.clone(),
+        None => shooting.jacobian(&solution.x).ok()?,
+    };
+    let shift = jacobian.lu().solve(&-residuals)?;
+    shift.iter().all(|value| value.is_finite()).then_some(shift)
+}
+
+/// Largest change of an unknown, relative to itself or, where it is small, to
+/// its scale.
+fn relative_size(change: &DVector<f64>, x: &DVector<f64>) -> f64 {
+    change.iter().zip(x.iter()).map(|(c, x)| (c / x.abs().max(1.0)).abs()).fold(0.0, f64::max)
 }
 
 /// Bounds of the scaled unknowns: stick limits, and attitudes short of the
@@ -486,10 +499,9 @@ fn report(
             for k in 0..2 {
                 mean.flapping[k] += weight * now.flapping[k];
             }
-            for k in 0..3 {
-                let [low, high] = &mut range[index][k];
-                *low = low.min(now.force_hub[k]);
-                *high = high.max(now.force_hub[k]);
+            for ([low, high], force) in range[index].iter_mut().zip(now.force_hub) {
+                *low = low.min(force);
+                *high = high.max(force);
             }
             power.shaft += weight * now.power;
             power.profile += weight * now.profile_power;

@@ -1,7 +1,7 @@
 //! Many trim points, each from its neighbour.
 
 use crate::trim::condition::FlightCondition;
-use crate::trim::solve::{Guess, Options, TrimPoint, trim};
+use crate::trim::solve::{Guess, Options, Status, TrimPoint, trim};
 use crate::vehicle::Vehicle;
 
 /// Smallest fraction of the way between two conditions that homotopy tries.
@@ -44,9 +44,11 @@ pub fn sweep(
             [last] => trim(vehicle, *condition, &last.guess(), options),
             [] => trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options),
         };
-        if !point.on_orbit() && !good.is_empty() {
+        // A condition can have several orbits. One beyond the limits may be a
+        // neighbour's continuation while a better one exists.
+        if point.status != Status::Converged && !good.is_empty() {
             let again = trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options);
-            if again.on_orbit() {
+            if again.status == Status::Converged || (again.on_orbit() && !point.on_orbit()) {
                 point = again;
             }
         }

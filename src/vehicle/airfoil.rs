@@ -103,14 +103,17 @@ impl Section {
                     drag_mach: v.y[1],
                 }
             }
-            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => Coefficients {
-                lift: lift_slope * (alpha - zero_lift_angle),
-                lift_alpha: lift_slope,
-                lift_mach: 0.0,
-                drag,
-                drag_alpha: 0.0,
-                drag_mach: 0.0,
-            },
+            &Kind::Analytic { lift_slope, zero_lift_angle, drag } => {
+                let (angle, slope) = plate_angle(alpha - zero_lift_angle);
+                Coefficients {
+                    lift: lift_slope * angle,
+                    lift_alpha: lift_slope * slope,
+                    lift_mach: 0.0,
+                    drag,
+                    drag_alpha: 0.0,
+                    drag_mach: 0.0,
+                }
+            }
         }
     }
 
@@ -125,10 +128,39 @@ impl Section {
                 (lift, drag)
             }
             &Kind::Analytic { lift_slope, zero_lift_angle, drag } => {
-                (lift_slope * (alpha - zero_lift_angle), drag)
+                (lift_slope * plate_angle(alpha - zero_lift_angle).0, drag)
             }
         }
     }
+}
+
+/// Angle, rad, up to which the lift of an analytic section is linear.
+const LINEAR_RANGE: f64 = 0.4;
+/// Slope of the plate's angle where it stands across the flow.
+const BROADSIDE_SLOPE: f64 = -0.6;
+
+/// The angle that the lift of an analytic section goes with, and its slope.
+///
+/// Linear from −0.4 to 0.4 rad. Beyond, a cubic brings it to zero where the
+/// section stands across the flow, and in reversed flow the section lifts like
+/// a plate: odd, with period π, and C1.
+#[inline]
+fn plate_angle(angle: f64) -> (f64, f64) {
+    let folded = angle - PI * (angle / PI).round();
+    let size = folded.abs();
+    if size <= LINEAR_RANGE {
+        return (folded, 1.0);
+    }
+    let span = 0.5 * PI - LINEAR_RANGE;
+    let t = (size - LINEAR_RANGE) / span;
+    let (t2, t3) = (t * t, t * t * t);
+    let value = LINEAR_RANGE * (2.0 * t3 - 3.0 * t2 + 1.0)
+        + span * (t3 - 2.0 * t2 + t)
+        + span * BROADSIDE_SLOPE * (t3 - t2);
+    let slope = LINEAR_RANGE * (6.0 * t2 - 6.0 * t) / span
+        + (3.0 * t2 - 4.0 * t + 1.0)
+        + BROADSIDE_SLOPE * (3.0 * t2 - 2.0 * t);
+    (value.copysign(folded), slope)
 }
 
 /// An angle brought to [−π, π) by whole turns.
@@ -421,6 +453,24 @@ mod tests {
         assert!((c.lift - 5.73 * 0.12).abs() < 1e-15);
         assert_eq!((c.lift_alpha, c.drag, c.drag_alpha), (5.73, 0.01, 0.0));
         assert_eq!(section.lift_drag(0.1, 0.4), (c.lift, c.drag));
+    }
+
+    #[test]
+    fn analytic_lift_is_a_plates_in_reversed_flow_and_smooth() {
+        let section =
+            Section::new(&Airfoil::Analytic { lift_slope: 5.73, zero_lift_angle: 0.0, drag: 0.01 })
+                .unwrap();
+        let lift = |angle: f64| section.coefficients(angle, 0.2).lift;
+        for k in -40..=40 {
+            let angle = 0.07 * f64::from(k);
+            assert!((lift(angle) + lift(-angle)).abs() < 1e-13, "odd at {angle}");
+            assert!((lift(angle) - lift(angle + PI)).abs() < 1e-12, "period π at {angle}");
+            let step = 1e-6;
+            let difference = (lift(angle + step) - lift(angle - step)) / (2.0 * step);
+            let slope = section.coefficients(angle, 0.2).lift_alpha;
+            assert!((difference - slope).abs() < 1e-4, "slope at {angle}");
+        }
+        assert!(lift(0.5 * PI).abs() < 1e-13);
     }
 
     #[test]

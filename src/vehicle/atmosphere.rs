@@ -1,9 +1,8 @@
 //! US Standard Atmosphere 1976, from below sea level to 32 km.
 
 use crate::problem::AtmosphereConditions;
+use crate::units::STANDARD_GRAVITY;
 
-/// Gravity at the Earth's surface g0, m/s².
-pub const STANDARD_GRAVITY: f64 = 9.806_65;
 /// Specific gas constant of air, J/(kg K) (US Standard Atmosphere 1976: R*/M0).
 const GAS_CONSTANT: f64 = 8.314_32e3 / 28.9644;
 /// Ratio of specific heats of air.

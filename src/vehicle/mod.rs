@@ -25,7 +25,8 @@ pub mod wing;
 
 use crate::numerics::scalar::{Scalar, Vec3};
 use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
-use atmosphere::{Air, STANDARD_GRAVITY};
+use crate::units::STANDARD_GRAVITY;
+use atmosphere::Air;
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
@@ -225,7 +226,11 @@ impl Vehicle {
                     offset: unmirrored(source, &receiver.position_body).into(),
                     receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
-                    receiver_mirrored: receiver.frame.handedness < 0.0,
+                    receiver_mirrored: if self.inflow.mirrored_interference {
+                        receiver.frame.handedness < 0.0
+                    } else {
+                        source.frame.handedness < 0.0
+                    },
                 };
                 Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {
@@ -588,6 +593,12 @@ impl Vehicle {
                 break;
             }
             settled = change < LOOP_TOLERANCE;
+        }
+        if looped && !settled {
+            // No inflow satisfies the loop: rates that are not finite say so.
+            for inflow in &mut work.inflow {
+                *inflow = [S::constant(f64::NAN); 3];
+            }
         }
     }
 

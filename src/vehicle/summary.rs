@@ -6,7 +6,8 @@ use crate::problem::{
     Airfoil, CoefficientGrid, HubKind, MassProperties, Problem, Rotor, Spanwise, Wing,
 };
 use crate::units::DEGREE;
-use crate::vehicle::atmosphere::{Air, STANDARD_GRAVITY};
+use crate::units::STANDARD_GRAVITY;
+use crate::vehicle::atmosphere::Air;
 use crate::vehicle::interference::Interference;
 
 /// Where the blade section stands for the whole blade, fraction of R.

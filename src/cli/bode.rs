@@ -1,0 +1,410 @@
+//! `coaxdesign bode`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rayon::prelude::*;
+use serde_json::{Value as Json, json};
+
+use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::models::{Choice, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
+use super::trim::{Interactions, on_off};
+use super::{CliError, Outcome, output};
+use crate::linear::frequency::{ChannelComparison, compare, log_grid};
+use crate::linear::linearize::linearize;
+use crate::linear::model::{index_of, shown_per_si};
+use crate::linear::reduction::{Method, RIGID_BODY};
+use crate::linear::{LinearError, StateSpace};
+use crate::report::figures::{BodeChannel, FrequencyResponse, bode_figure};
+use crate::report::table::{Cell, Coloring, Column, Digits, Table};
+use crate::units::{Kind, System};
+
+/// Most pairs of input and output in one plot.
+const MOST_PLOTTED: usize = 6;
+/// About this many frequencies are shown in a table.
+const TABLE_ROWS: usize = 25;
+
+/// Frequency responses of the linear model of a trim
+#[derive(Debug, Args)]
+pub struct Bode {
+    #[command(flatten)]
+    problem: ProblemArgs,
+    #[command(flatten)]
+    point: PointArgs,
+    /// Rotor-on-rotor interactions
+    #[arg(long, value_enum, default_value = "on")]
+    interactions: Interactions,
+    /// averaged or harmonic:N
+    #[arg(long, value_name = "MODEL", default_value = "averaged", value_parser = model)]
+    model: Choice,
+    /// Inputs, such as lat,lon [default: with no output either, the one for each of p, q, w and r;
+    /// otherwise all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    input: Vec<String>,
+    /// Outputs, such as p,q [default: p,q,w,r]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    output: Vec<String>,
+    /// Frequencies, FROM:TO in rad/s
+    #[arg(long, value_name = "FROM:TO", default_value = "0.1:30", value_parser = range)]
+    omega: (f64, f64),
+    /// Number of frequencies, equally spaced in their logarithm
+    #[arg(long, value_name = "N", default_value = "200",
+          value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    points: u32,
+    /// Show the model residualised to u v w p q r phi theta beside the full one
+    #[arg(long)]
+    reduced: bool,
+    /// What moves the model
+    #[arg(long, value_enum, default_value = "sticks")]
+    inputs: Inputs,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
+    /// File to write instead of standard output
+    #[arg(short = 'o', long, value_name = "FILE")]
+    output_file: Option<PathBuf>,
+    /// Replace files that are already there
+    #[arg(long)]
+    force: bool,
+    /// Plot the responses to an SVG file
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+fn model(text: &str) -> Result<Choice, String> {
+    choice_among(
+        text,
+        |choice| matches!(choice, Choice::Averaged | Choice::Harmonic(_)),
+        "averaged, harmonic:N",
+    )
+}
+
+fn range(text: &str) -> Result<(f64, f64), String> {
+    let numbers = text.trim().trim_end_matches("rad/s");
+    let bounds = numbers
+        .split_once(':')
+        .and_then(|(from, to)| Some((from.trim().parse().ok()?, to.trim().parse().ok()?)));
+    match bounds {
+        Some((from, to)) if from > 0.0 && to > from && f64::is_finite(to) => Ok((from, to)),
+        _ => Err("write two increasing, positive frequencies in rad/s, such as 0.1:30".into()),
+    }
+}
+
+/// A model and what tells it from the others.
+struct Entry {
+    interactions: bool,
+    reduced: bool,
+    label: String,
+    model: StateSpace,
+}
+
+/// A pair of input and output in every model.
+struct Pair {
+    comparison: ChannelComparison,
+    /// Shown units of the output per shown unit of the input.
+    unit: String,
+    /// Shown value of an SI value of 1.
+    factor: f64,
+}
+
+impl Bode {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        // `--output` names an output of the model here, not a file.
+        let files = OutputArgs { output: self.output_file.clone(), force: self.force };
+        files.check()?;
+        if let Some(path) = &self.plot {
+            files.check_path(path)?;
+        }
+        self.run.start()?;
+        let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
+        let condition = self.point.condition(&mut loaded.problem)?;
+        let problem = &loaded.problem;
+        let positions = self.interactions.positions();
+        let Some(flown) = fly(problem, &[vec![condition]], positions, self.run.quiet)? else {
+            return Ok(Outcome::GoalMissed);
+        };
+        let options = self.inputs.options();
+        let full: Vec<StateSpace> = flown
+            .par_iter()
+            .map(|flown| {
+                let periodic = linearize(&flown.vehicle, &flown.sweeps[0][0], &options)?.model;
+                self.model.of(&periodic)
+            })
+            .collect::<Result<_, LinearError>>()?;
+        let mut entries = Vec::new();
+        for (model, flown) in full.into_iter().zip(&flown) {
+            let word = on_off(flown.interactions);
+            let reduced = if self.reduced {
+                let keep = RIGID_BODY.map(str::to_owned);
+                Some(Reduced::new(&model, Method::Residualise, &keep)?)
+            } else {
+                None
+            };
+            if let (Some(reduced), false) = (&reduced, self.run.quiet) {
+                output::note(&format!("interactions {word}: {}", reduced.summary(&model)));
+            }
+            let entry = |reduced: bool, model| Entry {
+                interactions: flown.interactions,
+                reduced,
+                label: if reduced {
+                    format!("interactions {word}, reduced")
+                } else {
+                    format!("interactions {word}")
+                },
+                model,
+            };
+            entries.push(entry(false, model));
+            if let Some(reduced) = reduced {
+                entries.push(entry(true, reduced.model));
+            }
+        }
+        let (from, to) = self.omega;
+        let omega = log_grid(from, to, self.points as usize)?;
+        let system = self.units.system();
+        let named = self.pairs(&entries[0].model)?;
+        if self.plot.is_some() && named.len() > MOST_PLOTTED {
+            return Err(CliError::Usage {
+                message: format!("{} pairs of input and output do not fit a plot", named.len()),
+                help: format!("choose at most {MOST_PLOTTED} by --input and --output"),
+            });
+        }
+        let labelled: Vec<(&str, &StateSpace)> =
+            entries.iter().map(|e| (e.label.as_str(), &e.model)).collect();
+        let pairs: Vec<Pair> = named
+            .par_iter()
+            .map(|(input, output)| {
+                let comparison = compare(&labelled, input, output, &omega)?;
+                let first = &entries[0].model;
+                let kind_in = first.inputs()[index_of(first.inputs(), "input", input)?].kind;
+                let kind_out = first.outputs()[index_of(first.outputs(), "output", output)?].kind;
+                Ok(Pair {
+                    comparison,
+                    unit: quotient(kind_out, kind_in, system),
+                    factor: shown_per_si(kind_out, system) / shown_per_si(kind_in, system),
+                })
+            })
+            .collect::<Result<_, LinearError>>()?;
+        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        let title = format!("{}: {} at {}", problem.name, self.model.label(), speed_text(knots));
+        if let Some(path) = &self.plot {
+            let svg = figure(&title, &entries, &pairs).to_svg();
+            output::write_whole(path, svg.as_bytes(), self.force)?;
+        }
+        let text = match self.format.format {
+            Format::Table => tables(&title, &pairs),
+            Format::Csv => csv(&entries, &pairs),
+            Format::Json => json_text(&problem.name, knots, self.model, &entries, &pairs)?,
+        };
+        files.write(&text)
+    }
+
+    /// The pairs asked for, by name.
+    fn pairs(&self, model: &StateSpace) -> Result<Vec<(String, String)>, CliError> {
+        if self.input.is_empty() && self.output.is_empty() {
+            return Ok(on_axis(model)?);
+        }
+        let inputs: Vec<String> = if self.input.is_empty() {
+            model.inputs().iter().map(|c| c.name.clone()).collect()
+        } else {
+            self.input.clone()
+        };
+        let outputs: Vec<String> = if self.output.is_empty() {
+            ["p", "q", "w", "r"].map(str::to_owned).to_vec()
+        } else {
+            self.output.clone()
+        };
+        for name in &inputs {
+            model.input(name)?;
+        }
+        for name in &outputs {
+            model.output(name)?;
+        }
+        Ok(inputs
+            .iter()
+            .flat_map(|input| outputs.iter().map(move |output| (input.clone(), output.clone())))
+            .collect())
+    }
+}
+
+/// A speed in a title.
+pub(super) fn speed_text(knots: f64) -> String {
+    format!("{} kt", output::significant((knots * 1e6).round() / 1e6, 6))
+}
+
+/// Unit of `over` per `under`, for people.
+fn quotient(over: Kind, under: Kind, system: System) -> String {
+    let bracketed = |kind: Kind| match kind.symbol(system) {
+        "-" => "1".to_owned(),
+        symbol if symbol.contains('/') => format!("({symbol})"),
+        symbol => symbol.to_owned(),
+    };
+    format!("{}/{}", bracketed(over), bracketed(under))
+}
+
+fn decibel(value: f64) -> f64 {
+    20.0 * value.log10()
+}
+
+fn figure(title: &str, entries: &[Entry], pairs: &[Pair]) -> crate::report::plot::Figure {
+    let channels: Vec<BodeChannel> = pairs
+        .iter()
+        .map(|pair| BodeChannel {
+            title: format!("{} to {}", pair.comparison.input, pair.comparison.output),
+            magnitude_unit: format!("dB re {}", pair.unit),
+            valid: None,
+            responses: pair
+                .comparison
+                .curves
+                .iter()
+                .zip(entries)
+                .map(|((label, bode), entry)| FrequencyResponse {
+                    name: label.clone(),
+                    style: usize::from(!entry.interactions) + 2 * usize::from(entry.reduced),
+                    frequency: bode.omega.clone(),
+                    response: bode
+                        .gain
+                        .iter()
+                        .zip(&bode.phase)
+                        .map(|(gain, phase)| {
+                            num_complex::Complex64::from_polar(gain * pair.factor, *phase)
+                        })
+                        .collect(),
+                })
+                .collect(),
+        })
+        .collect();
+    bode_figure(title, &channels)
+}
+
+fn tables(title: &str, pairs: &[Pair]) -> String {
+    let mut text = format!("{title}\n");
+    for pair in pairs {
+        let curves = &pair.comparison.curves;
+        let mut columns = vec![Column::number("frequency", "rad/s", Digits::Significant(4))];
+        for (label, _) in curves {
+            columns.push(Column::number(
+                label,
+                &format!("dB re {}", pair.unit),
+                Digits::Decimals(2),
+            ));
+            columns.push(Column::number("phase", "deg", Digits::Decimals(1)));
+        }
+        let mut table = Table::new(
+            &format!("{} to {}", pair.comparison.input, pair.comparison.output),
+            columns,
+        );
+        let count = curves.first().map_or(0, |(_, bode)| bode.omega.len());
+        let every = count.div_ceil(TABLE_ROWS).max(1);
+        for k in (0..count).filter(|k| k % every == 0 || k + 1 == count) {
+            let mut cells = vec![Cell::from(curves[0].1.omega[k])];
+            for (_, bode) in curves {
+                cells.push(Cell::from(decibel(bode.gain[k] * pair.factor)));
+                cells.push(Cell::from(bode.phase[k].to_degrees()));
+            }
+            table.row(cells);
+        }
+        text += "\n";
+        text += &table.to_text(Coloring::for_stdout());
+    }
+    text
+}
+
+fn csv(entries: &[Entry], pairs: &[Pair]) -> String {
+    let mut table = Table::new(
+        "",
+        vec![
+            Column::text("interactions"),
+            Column::text("reduced"),
+            Column::text("input"),
+            Column::text("output"),
+            Column::number("omega", "rad/s", Digits::Significant(6)),
+            Column::number("magnitude", "", Digits::Significant(6)),
+            Column::text("unit"),
+            Column::number("magnitude", "dB", Digits::Significant(6)),
+            Column::number("phase", "deg", Digits::Significant(6)),
+        ],
+    );
+    for pair in pairs {
+        for ((_, bode), entry) in pair.comparison.curves.iter().zip(entries) {
+            for ((omega, gain), phase) in bode.omega.iter().zip(&bode.gain).zip(&bode.phase) {
+                let gain = gain * pair.factor;
+                table.row([
+                    Cell::from(on_off(entry.interactions)),
+                    Cell::from(if entry.reduced { "yes" } else { "no" }),
+                    Cell::from(pair.comparison.input.as_str()),
+                    Cell::from(pair.comparison.output.as_str()),
+                    Cell::from(*omega),
+                    Cell::from(gain),
+                    Cell::from(pair.unit.as_str()),
+                    Cell::from(decibel(gain)),
+                    Cell::from(phase.to_degrees()),
+                ]);
+            }
+        }
+    }
+    table.to_csv()
+}
+
+fn json_text(
+    name: &str,
+    knots: f64,
+    model: Choice,
+    entries: &[Entry],
+    pairs: &[Pair],
+) -> Result<String, CliError> {
+    let omega = pairs
+        .first()
+        .and_then(|pair| pair.comparison.curves.first())
+        .map_or(&[][..], |(_, bode)| bode.omega.as_slice());
+    let mut responses: Vec<Json> = Vec::new();
+    for pair in pairs {
+        for ((_, bode), entry) in pair.comparison.curves.iter().zip(entries) {
+            let magnitude: Vec<f64> = bode.gain.iter().map(|gain| gain * pair.factor).collect();
+            let phase: Vec<f64> = bode.phase.iter().map(|phase| phase.to_degrees()).collect();
+            responses.push(json!({
+                "interactions": entry.interactions,
+                "reduced": entry.reduced,
+                "input": pair.comparison.input,
+                "output": pair.comparison.output,
+                "unit": pair.unit,
+                "magnitude": magnitude,
+                "phase_deg": phase,
+            }));
+        }
+    }
+    let all = json!({
+        "schema": "coaxdesign.frequency-response/1",
+        "name": name,
+        "speed_kt": knots,
+        "model": model.label(),
+        "omega_rad_per_s": omega,
+        "responses": responses,
+    });
+    serde_json::to_string_pretty(&all)
+        .map(|text| text + "\n")
+        .map_err(|error| CliError::Internal(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_of_frequency() {
+        assert_eq!(range("0.1:30"), Ok((0.1, 30.0)));
+        assert_eq!(range("0.1 : 30 rad/s"), Ok((0.1, 30.0)));
+        for bad in ["", "1", "0:3", "3:1", "1:x", "1:inf", "1:2:3"] {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn units_of_a_response() {
+        let of = |out, input| quotient(out, input, System::Us);
+        assert_eq!(of(Kind::AngularRateRad, Kind::Percent), "(rad/s)/%");
+        assert_eq!(of(Kind::AngleRad, Kind::AngleRad), "rad/rad");
+    }
+}

@@ -1,0 +1,476 @@
+//! `coaxdesign modes`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use num_complex::Complex64;
+use rayon::prelude::*;
+use serde_json::{Value as Json, json};
+
+use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
+use super::bode::speed_text;
+use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
+use super::trim::{Interactions, on_off};
+use super::{CliError, Outcome, output};
+use crate::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponents};
+use crate::linear::linearize::{Options, linearize};
+use crate::linear::modes::{Mode, modes};
+use crate::linear::reference::{Condition, appendix};
+use crate::linear::{LinearError, PeriodicModel, StateSpace};
+use crate::problem::Problem;
+use crate::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
+use crate::report::plot::Legend;
+use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use crate::units::{Kind, System};
+
+/// Modes slower than this, rad/s, are shown larger in a second panel of the
+/// plot: those of the airframe.
+const SLOW: f64 = 6.0;
+
+/// Eigenvalues of the linear model of a trim, or its Floquet exponents
+#[derive(Debug, Args)]
+pub struct Modes {
+    #[command(flatten)]
+    problem: ProblemArgs,
+    #[command(flatten)]
+    point: PointArgs,
+    /// Rotor-on-rotor interactions
+    #[arg(long, value_enum, default_value = "both")]
+    interactions: Interactions,
+    /// averaged, harmonic:N or floquet
+    #[arg(long, value_name = "MODEL", default_value = "averaged", value_parser = model)]
+    model: Choice,
+    #[command(flatten)]
+    reduce: ReduceArgs,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Plot the eigenvalues to an SVG file
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+fn model(text: &str) -> Result<Choice, String> {
+    choice_among(text, |choice| choice != Choice::Full, "averaged, harmonic:N, floquet")
+}
+
+/// A mode as it is shown.
+struct Row {
+    /// Eigenvalue or exponent with Im ≥ 0, rad/s.
+    value: Complex64,
+    /// The mode that it is, or that stands for it in the averaged model.
+    mode: Mode,
+    floquet: Option<Exponent>,
+}
+
+/// What only Floquet's theory knows of a mode.
+struct Exponent {
+    averaged: Complex64,
+    difference: f64,
+    branch: i32,
+    ambiguous: bool,
+    uncertainty: f64,
+}
+
+/// The modes of one model.
+struct Listing {
+    label: String,
+    style: usize,
+    interactions: bool,
+    /// Whether it is the paper's.
+    published: bool,
+    /// How far a reduced model may be trusted.
+    note: String,
+    rows: Vec<Row>,
+}
+
+impl Modes {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        self.output.check()?;
+        if let Some(path) = &self.plot {
+            self.output.check_path(path)?;
+        }
+        if self.model == Choice::Floquet && self.reduce.reduce.is_some() {
+            return Err(CliError::Usage {
+                message: "--model floquet works on the periodic model, which is not reduced".into(),
+                help: "leave --reduce out, or choose --model averaged".into(),
+            });
+        }
+        self.run.start()?;
+        let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
+        let condition = self.point.condition(&mut loaded.problem)?;
+        let problem = &loaded.problem;
+        let positions = self.interactions.positions();
+        let Some(flown) = fly(problem, &[vec![condition]], positions, self.run.quiet)? else {
+            return Ok(Outcome::GoalMissed);
+        };
+        let mut listings: Vec<Listing> =
+            flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
+        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        if let Some(published) = published(problem, knots)? {
+            listings.push(published);
+        }
+        let title = format!("{}: {} at {}", problem.name, self.title(), speed_text(knots));
+        if let Some(path) = &self.plot {
+            let svg = figure(&title, &listings).to_svg();
+            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+        }
+        let text = match self.format.format {
+            Format::Table => tables(&title, &listings),
+            Format::Csv => csv(&listings),
+            Format::Json => json_text(&problem.name, knots, &self.title(), &listings)?,
+        };
+        self.output.write(&text)
+    }
+
+    fn title(&self) -> String {
+        match self.reduce.reduce {
+            Some(_) => format!("modes of the reduced {}", self.model.label()),
+            None if self.model == Choice::Floquet => "Floquet exponents".into(),
+            None => format!("modes of the {}", self.model.label()),
+        }
+    }
+
+    fn listing(&self, flown: &Flown) -> Result<Listing, CliError> {
+        let trim = &flown.sweeps[0][0];
+        let periodic = linearize(&flown.vehicle, trim, &Options::default())?.model;
+        let full = self.model.of(&periodic)?;
+        let mut note = String::new();
+        let rows = match (self.model, self.reduce.apply(&full)?) {
+            (Choice::Floquet, _) => {
+                let floquet = analyse(&periodic, &FloquetOptions::default())?;
+                exponents(&floquet, &full)?
+            }
+            (Choice::Harmonic(_), None) => without_copies(&periodic, modes(&full)?),
+            (_, None) => plain(modes(&full)?),
+            (_, Some(reduced)) => {
+                note = reduced.summary(&full);
+                plain(modes(&reduced.model)?)
+            }
+        };
+        Ok(Listing {
+            label: format!("interactions {}", on_off(flown.interactions)),
+            style: usize::from(!flown.interactions),
+            interactions: flown.interactions,
+            published: false,
+            note,
+            rows,
+        })
+    }
+}
+
+fn plain(modes: Vec<Mode>) -> Vec<Row> {
+    modes.into_iter().map(|mode| Row { value: mode.eigenvalue, mode, floquet: None }).collect()
+}
+
+/// Leaves out the copies of each mode, shifted by multiples of jΩ, that a
+/// harmonic model has: keeps as many eigenvalues as there are states, those
+/// in which the slowly varying coefficients take part most.
+fn without_copies(periodic: &PeriodicModel, modes: Vec<Mode>) -> Vec<Row> {
+    let count = periodic.states().len();
+    let share = |mode: &Mode| -> f64 {
+        // The coefficients of harmonic zero come first.
+        mode.participation.as_ref().map_or(0.0, |p| p[..count].iter().sum())
+    };
+    let mut order: Vec<usize> = (0..modes.len()).collect();
+    order.sort_by(|&i, &j| share(&modes[j]).total_cmp(&share(&modes[i])).then(i.cmp(&j)));
+    let mut kept = vec![false; modes.len()];
+    let mut eigenvalues = 0;
+    for index in order {
+        if eigenvalues >= count {
+            break;
+        }
+        kept[index] = true;
+        eigenvalues += if modes[index].oscillates() { 2 } else { 1 };
+    }
+    plain(modes.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(mode, _)| mode).collect())
+}
+
+/// Exponents beside the averaged model's modes that stand for them.
+fn exponents(floquet: &Floquet, averaged: &StateSpace) -> Result<Vec<Row>, LinearError> {
+    let known = modes(averaged)?;
+    let mut values = Vec::new();
+    let mut owner = Vec::new();
+    for (index, mode) in known.iter().enumerate() {
+        values.push(mode.eigenvalue);
+        owner.push(index);
+        if mode.oscillates() {
+            values.push(mode.eigenvalue.conj());
+            owner.push(index);
+        }
+    }
+    let pairs = pair_exponents(floquet, &values);
+    let mut rows = Vec::new();
+    for (pair, mode) in pairs.iter().zip(&floquet.modes) {
+        if mode.exponent.im < 0.0 && mode.multiplier.im != 0.0 {
+            // Its conjugate is listed.
+            continue;
+        }
+        let Some(place) = values.iter().position(|value| *value == pair.approximate) else {
+            continue;
+        };
+        rows.push(Row {
+            value: mode.exponent,
+            mode: known[owner[place]].clone(),
+            floquet: Some(Exponent {
+                averaged: pair.approximate,
+                difference: pair.difference,
+                branch: mode.branch,
+                ambiguous: mode.ambiguous,
+                uncertainty: mode.uncertainty,
+            }),
+        });
+    }
+    Ok(rows)
+}
+
+/// The modes of the published model of the same aircraft and speed, if there
+/// is one. Its forward speed is the one that its matrices imply.
+fn published(problem: &Problem, knots: f64) -> Result<Option<Listing>, CliError> {
+    if !problem.name.starts_with("coax2d") {
+        return Ok(None);
+    }
+    let near = |condition: Condition| (condition.implied_speed_kt() - knots).abs() < 1.0;
+    let Some(condition) = [Condition::Hover, Condition::Forward].into_iter().find(|c| near(*c))
+    else {
+        return Ok(None);
+    };
+    Ok(Some(Listing {
+        label: "paper's appendix, interactions on".into(),
+        style: 2,
+        interactions: true,
+        published: true,
+        note: String::new(),
+        rows: plain(modes(&appendix(condition)?)?),
+    }))
+}
+
+impl Row {
+    fn damping(&self) -> Option<f64> {
+        let size = self.value.norm();
+        (size > 0.0).then(|| -self.value.re / size)
+    }
+
+    fn time_constant(&self) -> Option<f64> {
+        (self.value.re != 0.0).then(|| -1.0 / self.value.re)
+    }
+
+    /// Time to half (of a decaying mode) or to double (of a growing one), s.
+    fn half_or_double(&self) -> Option<f64> {
+        (self.value.re != 0.0).then(|| std::f64::consts::LN_2 / self.value.re.abs())
+    }
+
+    fn grows(&self) -> bool {
+        self.value.re > 0.0
+    }
+
+    fn dominant(&self) -> String {
+        let parts: Vec<String> = self
+            .mode
+            .dominant
+            .iter()
+            .take(4)
+            .map(|(name, share)| format!("{name} {:.0}%", 100.0 * share))
+            .collect();
+        parts.join(", ")
+    }
+
+    fn name(&self) -> &'static str {
+        self.mode.name.map_or("", |name| name.label())
+    }
+}
+
+fn columns(floquet: bool) -> Vec<Column> {
+    let mut columns = vec![
+        Column::number("real part", "rad/s", Digits::Decimals(4)),
+        Column::number("imaginary part", "rad/s", Digits::Decimals(4)),
+        Column::number("damping ratio", "", Digits::Decimals(3)),
+        Column::number("frequency", "rad/s", Digits::Decimals(3)),
+        Column::number("time constant", "s", Digits::Decimals(3)),
+        Column::number("to half", "s", Digits::Decimals(3)),
+        Column::number("to double", "s", Digits::Decimals(3)),
+    ];
+    if floquet {
+        columns.push(Column::number("averaged, real", "rad/s", Digits::Decimals(4)));
+        columns.push(Column::number("imaginary", "rad/s", Digits::Decimals(4)));
+        columns.push(Column::number("difference", "rad/s", Digits::Significant(2)));
+        columns.push(Column::text("branch"));
+        columns.push(Column::number("rounding", "rad/s", Digits::Significant(1)));
+    }
+    columns.push(Column::text("states"));
+    columns.push(Column::text("mode"));
+    columns
+}
+
+fn cells(row: &Row) -> Vec<Cell> {
+    let half = row.half_or_double();
+    let mark = |cell: Cell| if row.grows() { cell.highlight(Highlight::Bad) } else { cell };
+    let mut cells = vec![
+        mark(Cell::from(row.value.re)),
+        Cell::from(row.value.im),
+        Cell::from(row.damping()),
+        Cell::from(row.value.norm()),
+        Cell::from(row.time_constant()),
+        Cell::from(half.filter(|_| !row.grows())),
+        mark(Cell::from(half.filter(|_| row.grows()))),
+    ];
+    if let Some(exponent) = &row.floquet {
+        cells.push(Cell::from(exponent.averaged.re));
+        cells.push(Cell::from(exponent.averaged.im));
+        cells.push(Cell::from(exponent.difference));
+        cells.push(Cell::from(format!(
+            "{:+}Ω{}",
+            exponent.branch,
+            if exponent.ambiguous { " or another" } else { "" }
+        )));
+        cells.push(Cell::from(exponent.uncertainty));
+    }
+    cells.push(Cell::from(row.dominant()));
+    cells.push(Cell::from(row.name()));
+    cells
+}
+
+fn tables(title: &str, listings: &[Listing]) -> String {
+    let mut text = format!("{title}\n");
+    for listing in listings {
+        let floquet = listing.rows.iter().any(|row| row.floquet.is_some());
+        let mut table = Table::new(&listing.label, columns(floquet));
+        for row in &listing.rows {
+            table.row(cells(row));
+        }
+        text += "\n";
+        text += &table.to_text(Coloring::for_stdout());
+        text += &listing.note;
+        if floquet {
+            text += "States and mode are those of the averaged model's nearest eigenvalue.\n";
+        }
+    }
+    text
+}
+
+fn csv(listings: &[Listing]) -> String {
+    let floquet = listings.iter().flat_map(|l| &l.rows).any(|row| row.floquet.is_some());
+    let mut all = vec![Column::text("model")];
+    all.extend(columns(floquet));
+    let mut table = Table::new("", all);
+    for listing in listings {
+        for row in &listing.rows {
+            let mut line = vec![Cell::from(listing.label.as_str())];
+            let mut rest = cells(row);
+            if floquet && row.floquet.is_none() {
+                let tail = rest.split_off(7);
+                rest.extend((0..5).map(|_| Cell::empty()));
+                rest.extend(tail);
+            }
+            line.extend(rest);
+            table.row(line);
+        }
+    }
+    table.to_csv()
+}
+
+fn json_text(
+    name: &str,
+    knots: f64,
+    model: &str,
+    listings: &[Listing],
+) -> Result<String, CliError> {
+    let models: Vec<Json> = listings
+        .iter()
+        .map(|listing| {
+            let rows: Vec<Json> = listing.rows.iter().map(row_json).collect();
+            json!({
+                "label": listing.label,
+                "interactions": listing.interactions,
+                "published": listing.published,
+                "modes": rows,
+            })
+        })
+        .collect();
+    let all = json!({
+        "schema": "coaxdesign.modes/1",
+        "name": name,
+        "speed_kt": knots,
+        "model": model,
+        "models": models,
+    });
+    serde_json::to_string_pretty(&all)
+        .map(|text| text + "\n")
+        .map_err(|error| CliError::Internal(error.to_string()))
+}
+
+fn row_json(row: &Row) -> Json {
+    let half = row.half_or_double();
+    let dominant: Vec<Json> = row
+        .mode
+        .dominant
+        .iter()
+        .map(|(state, share)| json!({"state": state, "share": share}))
+        .collect();
+    let mut object = json!({
+        "real_rad_per_s": row.value.re,
+        "imaginary_rad_per_s": row.value.im,
+        "damping_ratio": row.damping(),
+        "natural_frequency_rad_per_s": row.value.norm(),
+        "time_constant_s": row.time_constant(),
+        "time_to_half_s": half.filter(|_| !row.grows()),
+        "time_to_double_s": half.filter(|_| row.grows()),
+        "dominant": dominant,
+        "name": row.mode.name.map(|name| name.label()),
+    });
+    if let (Some(exponent), Some(map)) = (&row.floquet, object.as_object_mut()) {
+        map.insert(
+            "floquet".into(),
+            json!({
+                "averaged_real_rad_per_s": exponent.averaged.re,
+                "averaged_imaginary_rad_per_s": exponent.averaged.im,
+                "difference_rad_per_s": exponent.difference,
+                "branch": exponent.branch,
+                "branch_ambiguous": exponent.ambiguous,
+                // JSON has no infinity: a multiplier of zero leaves no exponent.
+                "uncertainty_rad_per_s":
+                    Some(exponent.uncertainty).filter(|value| value.is_finite()),
+            }),
+        );
+    }
+    object
+}
+
+fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
+    let sets: Vec<EigenvalueSet> = listings
+        .iter()
+        .map(|listing| EigenvalueSet {
+            name: listing.label.clone(),
+            style: listing.style,
+            // Conjugates lie in the other half of the plane.
+            values: listing
+                .rows
+                .iter()
+                .flat_map(|row| {
+                    let pair = row.value.im != 0.0;
+                    std::iter::once(row.value).chain(pair.then(|| row.value.conj()))
+                })
+                .collect(),
+        })
+        .collect();
+    let values = || sets.iter().flat_map(|set| &set.values);
+    let slow = || values().filter(|value| value.norm() < SLOW);
+    let mut views = Vec::new();
+    if values().any(|value| value.norm() >= SLOW) {
+        views.push(PlaneView { title: "all modes".into(), real: None, imaginary: None });
+    }
+    let low = slow().map(|v| v.re).fold(-0.5, f64::min);
+    let high = slow().map(|v| v.re).fold(0.2, f64::max);
+    let top = slow().map(|v| v.im).fold(0.5, f64::max);
+    let margin = 0.07 * (high - low);
+    views.push(PlaneView {
+        title: format!("slower than {SLOW} rad/s"),
+        real: Some((low - margin, high + margin)),
+        imaginary: Some((-0.04 * top, 1.1 * top)),
+    });
+    // Inside, the legend would hide eigenvalues.
+    eigenvalue_figure(title, &sets, &views).legend(Legend::Above)
+}

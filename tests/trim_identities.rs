@@ -1,0 +1,488 @@
+//! What a trimmed orbit must be: periodic, mirrored by the mirrored vehicle,
+//! balanced in energy, near the closed forms of flight mechanics, and the same
+//! whatever the guess and the number of threads.
+
+mod common;
+
+use coaxdesign::problem::{Governor, Problem};
+use coaxdesign::trim::shooting::Shooting;
+use coaxdesign::trim::{FlightCondition, Guess, Lateral, Options, Status, TrimPoint, sweep, trim};
+use coaxdesign::vehicle::{Layout, Vehicle};
+use common::{KNOT, coarsened, mirror_signs, mirrored, problem, trimmed, vehicle};
+
+const GRAVITY: f64 = 9.806_65;
+
+fn level(knots: f64) -> FlightCondition {
+    FlightCondition::level(knots * KNOT)
+}
+
+/// Far tighter than the default, where the identity is exact.
+fn tight() -> Options {
+    Options { residual_tolerance: 1e-12, ..Options::default() }
+}
+
+/// Every number of a trim that people read, with the size that its errors
+/// are measured by: its own, or the usual size of its changes if it is small.
+fn numbers(vehicle: &Vehicle, point: &TrimPoint) -> Vec<(String, f64, f64)> {
+    let mut list = Vec::new();
+    for (quantity, value) in vehicle.layout.states.iter().zip(&point.mean_state) {
+        list.push((quantity.name.clone(), *value, value.abs().max(quantity.scale)));
+    }
+    let pitch_scale = vehicle.layout.effectors[0].scale;
+    for (k, stick) in point.sticks.iter().enumerate() {
+        // The travel that moves a blade by the scale of its pitch.
+        let gain = vehicle
+            .controls
+            .mix
+            .iter()
+            .flat_map(|mix| [mix.theta_0[k], mix.theta_1c[k], mix.theta_1s[k]])
+            .fold(0.0_f64, |most, gain| most.max(gain.abs()));
+        list.push((format!("stick {k}"), *stick, stick.abs().max(pitch_scale / gain)));
+    }
+    for (rotor, mean) in vehicle.rotors.iter().zip(&point.rotors) {
+        let force = mean.thrust.abs();
+        let mut put = |name: &str, value: f64, size: f64| {
+            list.push((format!("{} {name}", rotor.name), value, size));
+        };
+        put("thrust", mean.thrust, force);
+        put("torque", mean.torque, mean.torque.abs());
+        put("power", mean.power, mean.power.abs());
+        for k in 0..3 {
+            put("force", mean.force_hub[k], force);
+            put("moment", mean.moment_hub[k], force * rotor.radius);
+            put("pitch", mean.pitch[k], mean.pitch[k].abs().max(pitch_scale));
+        }
+    }
+    list
+}
+
+fn assert_same(what: &str, a: &[(String, f64, f64)], b: &[(String, f64, f64)], tolerance: f64) {
+    let mut worst = 0.0_f64;
+    for ((name, x, size), (_, y, _)) in a.iter().zip(b) {
+        let error = (x - y).abs() / size;
+        assert!(error <= tolerance, "{what}: {name}: {x} and {y}, off by {error:.1e}");
+        worst = worst.max(error);
+    }
+    println!("{what}: worst {worst:.1e}");
+}
+
+// --- The orbit -------------------------------------------------------------------
+
+/// Ten revolutions from a trim, the vehicle is where it was. It is not stable:
+/// the fastest motion of the hover grows by e in about 2 s, so the residual of
+/// each period grows by less than e in these 1.3 s; a factor of 10 is left for
+/// what a coupled system does before it settles into its growing motion.
+#[test]
+fn orbit_stays_on_itself_for_ten_revolutions() {
+    for (name, knots) in [("coax2d", 0.0), ("coax2d", 60.0), ("coax2d-physics", 20.0)] {
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let point = trimmed(&vehicle, level(knots), &Options::default());
+        let shooting = Shooting::new(&vehicle, point.condition, point.method, point.steps);
+        let periods = 20;
+        let mut state = point.state.clone();
+        for _ in 0..periods {
+            state = shooting.fly(&state, &point.sticks, |_, _, _, _| {}).end;
+        }
+        let drift = state
+            .iter()
+            .zip(&point.state)
+            .zip(&vehicle.layout.states)
+            .map(|((now, then), quantity)| ((now - then) / quantity.scale).abs())
+            .fold(0.0, f64::max);
+        let residual = point.residual_norm.max(1e-13);
+        println!("{name} at {knots} kt: drift {drift:.1e}, residual {residual:.1e}");
+        assert!(point.residual_norm < 1e-10);
+        let growth = f64::exp(1.0) * 10.0;
+        assert!(
+            drift < f64::from(periods) * growth * residual,
+            "{name} at {knots} kt: drift {drift:.1e} from a residual of {residual:.1e}"
+        );
+    }
+}
+
+/// Half the step moves no number of the trim by more than 1e-6.
+///
+/// With an analytic section (the appendix variant) the default options do it
+/// with much to spare. An airfoil table is smooth only to its first
+/// derivatives, which costs the integrator its order and the error test its
+/// sharpness; and the trim moves by more than the orbit misses, since what is
+/// wrong each period adds up until the slow modes, which take some forty
+/// periods, balance it. So tables need a step tolerance of 1e-8; the default
+/// is good to some 4e-5, worst at 50 kt.
+#[test]
+fn half_the_step_is_the_same_trim() {
+    let usual = Options::default();
+    let fine = Options { step_tolerance: 1e-8, ..Options::default() };
+    for (name, knots, options, most) in [
+        ("coax2d-appendix", 30.0, &usual, 1e-6),
+        ("coax2d-appendix", 90.0, &usual, 1e-6),
+        ("coax2d", 0.0, &fine, 1e-6),
+        ("coax2d", 50.0, &fine, 1e-6),
+        ("coax2d", 80.0, &fine, 1e-6),
+        ("coax2d-physics", 40.0, &fine, 1e-6),
+        ("coax2d", 50.0, &usual, 1e-4),
+        ("coax2d-physics", 40.0, &usual, 1e-4),
+    ] {
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let point = trimmed(&vehicle, level(knots), options);
+        assert!(point.step_error <= options.step_tolerance);
+        let guess = Guess { steps: Some(2 * point.steps), ..point.guess() };
+        let again = trim(&vehicle, point.condition, &guess, options);
+        assert_eq!(again.status.word(), point.status.word());
+        assert!(again.steps >= 2 * point.steps);
+        let what = format!("{name} at {knots} kt, {} and {} steps", point.steps, again.steps);
+        assert_same(&what, &numbers(&vehicle, &point), &numbers(&vehicle, &again), most);
+    }
+}
+
+/// What the trim was asked for is what it flies.
+#[test]
+fn conditions_are_met() {
+    let vehicle = vehicle(&coarsened(problem("coax2d")));
+    let speed = 50.0 * KNOT;
+    let body = Layout::BODY;
+    for condition in [
+        FlightCondition { lateral: Lateral::Sideslip(0.08), ..level(50.0) },
+        FlightCondition { lateral: Lateral::Bank(-0.01), ..level(50.0) },
+        FlightCondition { climb_rate: 2.0, ..level(50.0) },
+        FlightCondition { turn_rate: -0.1, climb_rate: -1.5, ..level(50.0) },
+    ] {
+        let point = trimmed(&vehicle, condition, &Options::default());
+        let mean = &point.mean_state;
+        match condition.lateral {
+            Lateral::Sideslip(angle) => {
+                assert!((point.sideslip - angle).abs() < 1e-9, "{}", point.sideslip);
+                assert!((mean[body.velocity + 1] - speed * angle.sin()).abs() < 1e-8);
+            }
+            Lateral::Bank(angle) => {
+                assert!((mean[body.roll] - angle).abs() < 1e-9);
+                // Banked to port without turning, it slips to port.
+                assert!(point.sideslip < -0.02, "{}", point.sideslip);
+            }
+        }
+        // The orbit's vibration is small: the mean velocity has the airspeed.
+        let length = (0..3).map(|k| mean[body.velocity + k].powi(2)).sum::<f64>().sqrt();
+        assert!((length - speed).abs() < 1e-3 * speed, "{length} and {speed}");
+        let climb = |state: &[f64]| -vehicle.navigation(state)[3];
+        assert!((climb(mean) - condition.climb_rate).abs() < 0.02);
+        assert!((vehicle.navigation(mean)[0] - condition.turn_rate).abs() < 1e-3);
+    }
+}
+
+// --- The mirror --------------------------------------------------------------------
+
+/// The mirrored vehicle trims to the mirrored flight.
+#[test]
+fn mirrored_vehicle_trims_to_the_mirror_image() {
+    for name in ["coax2d", "coax2d-physics"] {
+        let base = coarsened(problem(name));
+        let (original, mirror) = (vehicle(&base), vehicle(&mirrored(&base)));
+        for (knots, slip, turn) in [(0.0, 0.0, 0.0), (60.0, 0.1, 0.0), (60.0, 0.0, 0.1)] {
+            let condition = |sign: f64| FlightCondition {
+                lateral: Lateral::Sideslip(sign * slip),
+                turn_rate: sign * turn,
+                ..level(knots)
+            };
+            let a = trimmed(&original, condition(1.0), &tight());
+            let mut b = trimmed(&mirror, condition(-1.0), &tight());
+            for (value, sign) in b.mean_state.iter_mut().zip(mirror_signs(&original)) {
+                *value *= sign;
+            }
+            b.sticks[0] = -b.sticks[0];
+            b.sticks[3] = -b.sticks[3];
+            // Something there is to mirror.
+            assert!(a.mean_state[Layout::BODY.roll].abs() > 1e-5 && a.sticks[3].abs() > 1e-3);
+            let what = format!("{name}, {knots} kt, slip {slip}, turn {turn}");
+            assert_same(&what, &numbers(&original, &a), &numbers(&original, &b), 1e-9);
+        }
+    }
+}
+
+// --- Energy --------------------------------------------------------------------------
+
+fn manoeuvres() -> [(&'static str, FlightCondition); 6] {
+    [
+        ("hover", level(0.0)),
+        ("level", level(60.0)),
+        ("climb", FlightCondition { climb_rate: 3.0, ..level(50.0) }),
+        ("descent", FlightCondition { climb_rate: -2.0, ..level(50.0) }),
+        ("turn", FlightCondition { turn_rate: 0.15, ..level(60.0) }),
+        ("slip", FlightCondition { lateral: Lateral::Sideslip(0.1), ..level(60.0) }),
+    ]
+}
+
+/// The shafts' power is induced, profile, parasite and climb power, to 1e-6.
+#[test]
+fn shaft_power_is_accounted_for() {
+    for name in ["coax2d", "coax2d-appendix", "coax2d-physics"] {
+        let mut p = coarsened(problem(name));
+        for rotor in &mut p.rotors {
+            // The published matrices' rule is not the mechanics of a hinge:
+            // see the next test.
+            rotor.teeter_torque_tilt = true;
+        }
+        let vehicle = vehicle(&p);
+        for (what, condition) in manoeuvres() {
+            let point = trimmed(&vehicle, condition, &Options::default());
+            let imbalance = point.power.imbalance();
+            println!("{name}, {what}: {imbalance:.1e} of {:.0} W", point.power.shaft);
+            assert!(imbalance.abs() < 1e-6, "{name}, {what}: {imbalance:.1e}");
+            assert!(point.power.induced > 0.0 && point.power.profile > 0.0);
+            assert!(
+                (point.power.climb - vehicle.mass * GRAVITY * condition.climb_rate).abs() < 1.0
+            );
+        }
+    }
+}
+
+/// In-plane moments about the shaft although the blades teeter (the published
+/// matrices) break the balance a little: by moments of a few hundred N m times
+/// a few hundredths of a radian of teetering, at the rates of the blades.
+#[test]
+fn untilted_torque_breaks_the_energy_balance_slightly() {
+    let vehicle = vehicle(&coarsened(problem("coax2d-appendix")));
+    let imbalances: Vec<f64> = manoeuvres()
+        .iter()
+        .map(|(what, condition)| {
+            let imbalance = trimmed(&vehicle, *condition, &Options::default()).power.imbalance();
+            println!("{what}: {imbalance:.1e}");
+            imbalance.abs()
+        })
+        .collect();
+    let worst = imbalances.iter().copied().fold(0.0, f64::max);
+    assert!(worst > 1e-6, "the switch does nothing: {worst:.1e}");
+    assert!(worst < 0.02, "{worst:.1e}");
+}
+
+// --- Flight mechanics -------------------------------------------------------------------
+
+/// A turn without sideslip needs about the bank of a coordinated turn,
+/// tan φ = V ψ'/g.
+#[test]
+fn val_bank_of_a_turn() {
+    let speed = 60.0 * KNOT;
+    for name in ["coax2d", "coax2d-physics"] {
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let straight = trimmed(&vehicle, level(60.0), &Options::default());
+        let mut powers = Vec::new();
+        for turn_rate in [-0.15, 0.15] {
+            let point = trimmed(
+                &vehicle,
+                FlightCondition { turn_rate, ..level(60.0) },
+                &Options::default(),
+            );
+            let bank = point.mean_state[Layout::BODY.roll];
+            let expected = (speed * turn_rate / GRAVITY).atan();
+            println!("{name}: bank {:.2}°, {:.2}°", bank.to_degrees(), expected.to_degrees());
+            assert!((bank - expected).abs() < 1.5_f64.to_radians());
+            let thrust = |p: &TrimPoint| p.rotors.iter().map(|r| r.thrust).sum::<f64>();
+            // Load factor 1/cos φ.
+            let load = thrust(&point) / thrust(&straight);
+            assert!((load * bank.cos() - 1.0).abs() < 0.03, "{load}");
+            powers.push(point.power.shaft);
+        }
+        assert!(powers.iter().all(|power| *power > straight.power.shaft));
+    }
+}
+
+/// A climb takes the power that goes into height and a little more or less:
+/// in forward flight the inflow hardly changes, the attitude does.
+#[test]
+fn val_power_of_a_climb() {
+    for name in ["coax2d", "coax2d-appendix", "coax2d-physics"] {
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let power = |climb_rate: f64| {
+            let condition = FlightCondition { climb_rate, ..level(60.0) };
+            trimmed(&vehicle, condition, &Options::default()).power.shaft
+        };
+        let (up, down, flat) = (power(1.5), power(-1.5), power(0.0));
+        let height = vehicle.mass * GRAVITY * 1.5;
+        let (climb, descent) = ((up - flat) / height, (flat - down) / height);
+        println!("{name}: climb {climb:.3}, descent {descent:.3} of W Vc");
+        for ratio in [climb, descent] {
+            assert!((0.8..1.25).contains(&ratio), "{name}: {ratio}");
+        }
+    }
+}
+
+/// Lift balances weight in hover, torque balances torque.
+#[test]
+fn hover_is_in_balance() {
+    for name in ["coax2d", "coax2d-appendix"] {
+        let p = coarsened(problem(name));
+        let vehicle = vehicle(&p);
+        let point = trimmed(&vehicle, level(0.0), &Options::default());
+        let [upper, lower] = [&point.rotors[0], &point.rotors[1]];
+        // No download without wash: thrusts along the shafts carry the weight,
+        // tilted by the shaft and the flapping, 1 % at most.
+        let weight = vehicle.mass * GRAVITY;
+        let lift = upper.thrust + lower.thrust;
+        assert!((lift / weight - 1.0).abs() < 0.01, "{name}: {}", lift / weight);
+        // No tail rotor: torques are equal but for what the tilted forces do
+        // about the centre of gravity.
+        let difference = (upper.torque - lower.torque).abs() / upper.torque;
+        assert!(difference < 0.02, "{name}: {difference}");
+        // The lower rotor works in the wake of the upper one.
+        assert!(upper.thrust > lower.thrust && lower.inflow[0] > upper.inflow[0]);
+    }
+}
+
+// --- Behaviour ----------------------------------------------------------------------------
+
+/// What cannot be flown fails, and says what could not be met or what is
+/// beyond its limits; it is never passed off as converged.
+#[test]
+fn unreachable_flight_fails_by_name() {
+    let vehicle = vehicle(&coarsened(problem("coax2d-physics")));
+    for condition in [level(200.0), FlightCondition { climb_rate: 25.0, ..level(60.0) }] {
+        let guess = Guess::estimate(&vehicle, &condition);
+        let point = trim(&vehicle, condition, &guess, &Options::default());
+        println!("{condition:?}: {:?}, residual {:.1e}", point.status, point.residual_norm);
+        match &point.status {
+            Status::Converged => panic!("{condition:?} is beyond this aircraft"),
+            Status::BeyondLimits { controls } => {
+                assert!(!controls.is_empty());
+                for name in controls {
+                    let margin = point.margins.iter().find(|margin| &margin.control == name);
+                    assert!(margin.is_some_and(|margin| margin.fraction() < 0.0), "{name}");
+                }
+            }
+            Status::Failed { equations, reason, .. } => {
+                assert!(!reason.is_empty());
+                assert!(!equations.is_empty());
+                for name in equations {
+                    assert!(point.residuals.iter().any(|r| &r.equation == name), "{name}");
+                }
+                assert!(point.clone().into_converged().is_err());
+            }
+        }
+    }
+}
+
+/// Fast flight runs out of longitudinal cyclic. Where the sticks reach further
+/// than the blades may, the trim is found and the blades are named; where the
+/// stick itself stops, there is none, and the stick is.
+#[test]
+fn limits_are_named() {
+    let fast = |name: &str, limit: &dyn Fn(&mut Problem)| {
+        let mut p = coarsened(problem(name));
+        limit(&mut p);
+        let vehicle = vehicle(&p);
+        let options = Options::default();
+        let near = trimmed(&vehicle, level(80.0), &options);
+        assert_eq!(near.status, Status::Converged);
+        trim(&vehicle, level(90.0), &near.guess(), &options)
+    };
+    // 80 kt needs some 8° of longitudinal cyclic, 90 kt more than 10°.
+    let degrees = 10.0_f64.to_radians();
+    let beyond = fast("coax2d", &|p| p.controls.cyclic_limits.fill([-degrees, degrees]));
+    let named = ["upper.theta_1s", "lower.theta_1s"].map(str::to_owned).to_vec();
+    assert_eq!(beyond.status, Status::BeyondLimits { controls: named });
+    assert!(beyond.residual_norm < 1e-10);
+    let stopped = fast("coax2d-physics", &|p| {
+        let per_percent = p.controls.mix[0].theta_1s[1];
+        p.controls.stick_limits[1] = [-degrees / per_percent, degrees / per_percent];
+    });
+    let Status::Failed { binding, reason, .. } = &stopped.status else {
+        panic!("{:?}", stopped.status)
+    };
+    assert_eq!(binding, &["lon"]);
+    assert!(reason.contains("lon"), "{reason}");
+}
+
+/// Too few iterations allowed: a failure with its reason.
+#[test]
+fn iteration_limit_is_reported() {
+    let vehicle = vehicle(&coarsened(problem("coax2d")));
+    let condition = level(40.0);
+    let options = Options { max_iterations: 1, ..Options::default() };
+    let point = trim(&vehicle, condition, &Guess::estimate(&vehicle, &condition), &options);
+    assert!(!point.on_orbit());
+    assert!(
+        matches!(&point.status, Status::Failed { reason, equations, .. }
+            if !reason.is_empty() && !equations.is_empty()),
+        "{:?}",
+        point.status
+    );
+    assert!(point.residual_norm > options.residual_tolerance);
+}
+
+/// A poor guess finds the same orbit.
+#[test]
+fn a_poor_guess_finds_the_same_trim() {
+    let vehicle = vehicle(&coarsened(problem("coax2d")));
+    let condition = level(40.0);
+    let good = trimmed(&vehicle, condition, &tight());
+    let mut guess = good.guess();
+    let body = Layout::BODY;
+    guess.state[body.velocity] *= 0.85;
+    guess.state[body.velocity + 2] += 2.0;
+    guess.state[body.roll] += 0.12;
+    guess.state[body.pitch] -= 0.1;
+    guess.state[body.rate + 1] += 0.1;
+    for places in &vehicle.layout.rotors {
+        guess.state[places.self_inflow] *= 1.4;
+        guess.state[places.flapping.unwrap()] += 0.025;
+    }
+    guess.sticks[1] += 0.75;
+    guess.sticks[2] *= 0.85;
+    guess.sticks[3] += 2.5;
+    let found = trim(&vehicle, condition, &guess, &tight());
+    assert!(found.on_orbit(), "{:?}", found.status);
+    assert!(found.iterations > 1);
+    assert_same("poor guess", &numbers(&vehicle, &good), &numbers(&vehicle, &found), 1e-8);
+}
+
+/// A governor holds the speed of a steady flight, so it changes no trim.
+#[test]
+fn governed_rotors_trim_alike() {
+    let held = coarsened(problem("coax2d"));
+    let mut governed = held.clone();
+    for rotor in &mut governed.rotors {
+        rotor.governor = Some(Governor { time_constant: 0.3 });
+    }
+    let (held, governed) = (vehicle(&held), vehicle(&governed));
+    assert_eq!(governed.state_count(), held.state_count() + 4);
+    for knots in [0.0, 60.0] {
+        let a = trimmed(&held, level(knots), &tight());
+        let b = trimmed(&governed, level(knots), &tight());
+        for (k, state) in held.layout.states.iter().enumerate() {
+            let other = governed.layout.state(&state.name).unwrap();
+            let error = (a.mean_state[k] - b.mean_state[other]).abs() / state.scale;
+            assert!(error < 1e-9, "{} at {knots} kt: off by {error:.1e}", state.name);
+        }
+        for (x, y) in a.sticks.iter().zip(b.sticks) {
+            assert!((x - y).abs() < 1e-9 * x.abs().max(1.0), "{x} and {y}");
+        }
+        for (places, rotor) in governed.layout.rotors.iter().zip(&governed.rotors) {
+            let at = places.speed.unwrap();
+            assert!((b.mean_state[at] - rotor.speed).abs() < 1e-12);
+            assert!(b.mean_state[at + 1].abs() < 1e-12);
+        }
+    }
+}
+
+/// The same bits every time, on one thread and on two.
+#[test]
+fn same_bits_whatever_the_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let p: Problem = coarsened(problem("coax2d-physics"));
+            let vehicle = vehicle(&p);
+            sweep(&vehicle, &[level(0.0), level(15.0), level(30.0)], &Options::default(), |_| {})
+        })
+    };
+    let first = run(1);
+    assert!(first.all_on_orbit());
+    for threads in [1, 2] {
+        let again = run(threads);
+        assert_eq!(first, again, "{threads} threads");
+        for (a, b) in first.points.iter().zip(&again.points) {
+            let bits = |point: &TrimPoint| -> Vec<u64> {
+                point.state.iter().chain(&point.sticks).map(|value| value.to_bits()).collect()
+            };
+            assert_eq!(bits(a), bits(b), "{threads} threads");
+        }
+    }
+}
