@@ -87,8 +87,8 @@ impl AxisName {
 #[derive(Debug, Clone, Args)]
 pub struct SpecArgs {
     /// Specification file [default: the built-in Level 1 targets]
-    #[arg(long = "spec", value_name = "FILE")]
-    file: Option<PathBuf>,
+    #[arg(long, value_name = "SPEC")]
+    spec: Option<PathBuf>,
     /// Use only the first nominal model of the specification
     #[arg(long)]
     nominal_only: bool,
@@ -97,7 +97,7 @@ pub struct SpecArgs {
 impl SpecArgs {
     /// Reads the specification; also its text, for the hash.
     pub(super) fn load(&self) -> Result<(Specification, String), CliError> {
-        let (mut spec, text) = match &self.file {
+        let (mut spec, text) = match &self.spec {
             None => (spec::builtin()?, spec::BUILTIN.to_string()),
             Some(path) => {
                 let spec = spec::load(path)?;
