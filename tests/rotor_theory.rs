@@ -133,7 +133,9 @@ fn elements_converge_with_their_square() {
         loads(&rotor, &input, 0.9).thrust_coefficient
     };
     let limit = thrust(4096);
-    let errors = [16, 32, 64, 128].map(|n| (thrust(n) - limit).abs());
+    // Near the root the flow is steep and the lift no longer linear: the first
+    // elements must be small enough to see that.
+    let errors = [32, 64, 128, 256].map(|n| (thrust(n) - limit).abs());
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log2();
         assert!((order - 2.0).abs() < 0.1, "order {order} from errors {errors:?}");
