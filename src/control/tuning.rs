@@ -344,6 +344,8 @@ const RESCUE_VIOLATION: f64 = 2e-3;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
 /// radius 0.5 over it is 0.0009, a twentieth of a degree.
 const LONGEST_CHORD: f64 = 0.06;
+/// Sweeps after which they are tried: the other channels have moved by then.
+const RESCUE_SWEEPS: usize = 2;
 /// Programs per such start at most.
 const RESCUE_ITERATIONS: usize = 10;
 /// Trust region of the program whose duals are the prices, in scaled gains:
@@ -1355,7 +1357,7 @@ impl Run<'_> {
             }
             for (place, &(channel, spec)) in group.iter().enumerate() {
                 if self.rescue
-                    && sweeps == 0
+                    && sweeps < RESCUE_SWEEPS
                     && merits[place].1.worst() > RESCUE_VIOLATION
                     && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
                 {
@@ -1420,8 +1422,8 @@ impl Run<'_> {
     }
 
     /// Tries other starts for a channel that misses a requirement at some
-    /// speeds: the gains of the nearest speeds that miss none, and slower and
-    /// faster ones. The sequence is local, and a loop with several crossings
+    /// speeds: the gains of the nearest speeds that miss none, slower and faster
+    /// ones, and other shares of the integral. The sequence is local, and a loop with several crossings
     /// has several local answers. Writes the best one back, if it is better.
     fn rescue(
         &self,
@@ -1460,11 +1462,23 @@ impl Run<'_> {
         let below = |v: usize| (0..v).rev().find(|&k| !missed[k]).map(|k| x[k].clone());
         let above = |v: usize| (v + 1..x.len()).find(|&k| !missed[k]).map(|k| x[k].clone());
         let scaled = |f: f64| move |x: &[f64]| x.iter().map(|x| x * f).collect::<Vec<f64>>();
+        // The same with another share of the integral, within its bounds.
+        let [p, i] = problem.ratio_places();
+        let [low, high] = spec.integral_ratio;
+        let shared = |f: f64| {
+            move |x: &[f64]| {
+                let mut x = x.to_vec();
+                x[i] = (x[i] * f).clamp(low * x[p], (high * x[p]).max(low * x[p]));
+                x
+            }
+        };
         let candidates = [
             replaced(&below),
             replaced(&above),
             replaced(&|v| Some(scaled(0.6)(&x[v]))),
             replaced(&|v| Some(scaled(1.6)(&x[v]))),
+            replaced(&|v| Some(shared(0.25)(&x[v]))),
+            replaced(&|v| Some(shared(4.0)(&x[v]))),
         ];
         // The same number of unstable poles as now, or not at all.
         let base: &[GainSet] = gains;
@@ -1651,6 +1665,13 @@ impl TuningProblem<'_> {
                 if inner < Axis::ALL.len() && growth.is_finite() {
                     return Ok(gains);
                 }
+                // Attitude holds leave the velocities free, and the outer loops
+                // take care of those.
+                let outer =
+                    self.channels.iter().any(|c| c.0.is_outer() && c.1.applies(plants[0].speed));
+                if outer && growth < DRIFT_GROWTH {
+                    return Ok(gains);
+                }
                 Err(TuningError::Unstabilisable {
                     model: self.set.models[model].name.clone(),
                     speed: plants[0].speed,
@@ -1826,6 +1847,11 @@ const START_SCALES: [f64; 5] = [1.0, 0.7, 1.3, 0.5, 1.7];
 /// Largest real part that still counts as stable, 1/s: a heading or position
 /// mode at zero is not a divergence.
 pub const START_GROWTH: f64 = 1e-6;
+/// Largest real part that counts as a drift of the velocities, 1/s: with the
+/// attitudes held, u and v are left with what is nearly neutral in hover. It
+/// doubles in 14 s, and is for the outer loops to hold; where there are none,
+/// it is not let pass.
+pub const DRIFT_GROWTH: f64 = 0.05;
 
 /// Delay that the hardware and the full-order plant add to the reduced model in
 /// an axis, s: the phase between the two responses of ν to the output's rate,
