@@ -676,6 +676,11 @@ fn left_out_text(list: &[LeftOut], system: System) -> String {
     text
 }
 
+/// Decibels of a factor without the last digits' noise, for labels.
+fn tidy_decibels(factor: f64) -> f64 {
+    (crate::control::metrics::decibels(factor) * 1e9).round() / 1e9
+}
+
 /// Plots as (file, SVG text).
 fn plots(
     paths: &Paths,
@@ -775,7 +780,7 @@ fn plots(
         }
         let t = &c.spec.nominal;
         let region = ExclusionRegion {
-            gain_margin_db: crate::control::metrics::decibels(t.gain_up),
+            gain_margin_db: tidy_decibels(t.gain_up),
             phase_margin_deg: t.phase.to_degrees(),
         };
         let title = format!("{} loop, nominal model", c.channel);
@@ -786,7 +791,7 @@ fn plots(
         sensitivities.push(SensitivityPanel {
             title: c.channel.name().into(),
             bandwidth_spec: t.drb,
-            peak_spec_db: t.drp.map(crate::control::metrics::decibels),
+            peak_spec_db: t.drp.map(tidy_decibels),
             responses: rejections,
         });
     }

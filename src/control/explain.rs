@@ -159,6 +159,11 @@ pub fn explain(
                 1.0,
                 &spec.solver,
             );
+            // As many unstable poles as the design, or not at all.
+            let (x, reference) = (problem.values(&gains), problem.values(&[start]));
+            if problem.merit(&x, Some(&reference)).is_none() {
+                continue;
+            }
             let merit = problem.run(&mut gains)?;
             let prices = if priced { problem.prices(&gains)? } else { Vec::new() };
             let worst = merit.worst();

@@ -13,7 +13,7 @@
 //! in the least-violating design.
 
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
-use super::kite::Kite;
+use super::kite::{Kite, Separation};
 use super::loops::{
     Affine, ChannelLoops, Cut, Dependence, FrequencyModel, LawSettings, LoopModel, affine_value,
     real_row, without_hold,
@@ -136,6 +136,10 @@ pub struct TuningOptions {
     pub gain_back_off: f64,
     /// Same for |S|, dB.
     pub rejection_back_off: f64,
+    /// Factor on the prices of violations. High prices make a slow sequence,
+    /// low ones let small violations stand: the last sweeps have ten times
+    /// those of the first.
+    pub price_scale: f64,
 }
 
 impl Default for TuningOptions {
@@ -150,6 +154,7 @@ impl Default for TuningOptions {
             phase_back_off: 0.15f64.to_radians(),
             gain_back_off: 0.03,
             rejection_back_off: 0.04,
+            price_scale: 1.0,
         }
     }
 }
@@ -341,6 +346,12 @@ const MARGIN_DISTANCE: f64 = 0.5;
 const PEAK_BAND: f64 = 25.0;
 /// A violation beyond this, in slack units, makes other starts worth trying.
 const RESCUE_VIOLATION: f64 = 2e-3;
+/// Factor on the prices in the last sweeps.
+const LAST_PRICES: f64 = 10.0;
+/// A violation beyond this, in slack units, makes them worth while.
+const MISSED: f64 = 2e-4;
+/// Up to this multiple of the least crossover |L| = 1 is looked for.
+const CROSSING_REACH: f64 = 4.0;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
 /// radius 0.5 over it is 0.0009, a twentieth of a degree.
 const LONGEST_CHORD: f64 = 0.06;
@@ -497,7 +508,7 @@ impl<'a> ChannelProblem<'a> {
     }
 
     fn price(&self, kind: Requirement) -> f64 {
-        kind.price() * self.spec.priority
+        kind.price() * self.spec.priority * self.options.price_scale
     }
 
     /// Places of K_P and K_I among the channel's gains.
@@ -926,6 +937,16 @@ impl Site {
         self.targets.drp.map(|p| p * back)
     }
 
+    /// Grid point at or above a frequency at which |L| is largest: if it is 1
+    /// there, the last crossing is not below that frequency.
+    fn crossing_place(&self, w: f64, size: impl Fn(usize) -> f64) -> usize {
+        let omega = &self.loops.omega;
+        let first = nearest(omega, w);
+        (first..omega.len())
+            .take_while(|&k| omega[k] < CROSSING_REACH * w)
+            .fold(first, |best, k| if size(k) > size(best) { k } else { best })
+    }
+
     /// Grid points at which |L| ≤ 1 is required for the largest crossover.
     fn above(&self, crossover: f64) -> impl Iterator<Item = usize> + '_ {
         let w = &self.loops.omega;
@@ -966,14 +987,15 @@ impl Site {
                 (0..n).map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0).collect();
             let mut worst = 0.0f64;
             for k in 0..n - 1 {
-                if curve[k].norm_sqr().min(curve[k + 1].norm_sqr()) < 36.0 {
+                if !kite.is_far(curve[k], curve[k + 1], 0.0) {
                     worst = worst.max(-kite.separation(curve[k], curve[k + 1]));
                 }
             }
             out[0] = out[0].max(worst);
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
-                    out[3] = 1.0 - curve[nearest(&l.omega, w)].norm();
+                    let k = self.crossing_place(w, |k| curve[k].norm());
+                    out[3] = 1.0 - curve[k].norm();
                 }
                 if let Some(w) = self.targets.crossover_max {
                     out[4] = self.above(w).map(|k| curve[k].norm() - 1.0).fold(0.0, f64::max);
@@ -1047,7 +1069,12 @@ impl Site {
                 if !(a.norm() < MARGIN_REACH || b.norm() < MARGIN_REACH) {
                     continue;
                 }
-                let separation = kite.separating_normal(a, b);
+                let separation = if kite.is_far(a, b, MARGIN_DISTANCE) {
+                    let middle = 0.5 * (a + b) + 1.0;
+                    Separation { normal: middle / middle.norm(), distance: f64::INFINITY }
+                } else {
+                    kite.separating_normal(a, b)
+                };
                 let normal = separation.normal;
                 for (d, _, _) in &points[k..=k + 1] {
                     let mut row = real_row(normal, d, dependence);
@@ -1081,7 +1108,8 @@ impl Site {
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
                     // Re l₀*(L D̄) ≥ Re D̄ at the frequency, in units of D̄₀.
-                    let (d, b, curve) = &points[nearest(&l.omega, w)];
+                    let place = self.crossing_place(w, |k| points[k].2.norm());
+                    let (d, b, curve) = &points[place];
                     let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                     let unit = curve / curve.norm();
                     let mut row = real_row(unit, &f, dependence);
@@ -1090,9 +1118,8 @@ impl Site {
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
                         t.1 -= s.1;
                     }
-                    // |L| falls as the bound moves up.
-                    let k = nearest(&l.omega, w);
-                    let fall = log_slope(&l.omega, k, |k| points[k].2.norm());
+                    // |L| falls as the bound moves up, where it is read there.
+                    let fall = log_slope(&l.omega, place, |k| points[k].2.norm()).min(0.0);
                     let tightening = vec![(Target::CrossoverMin, fall)];
                     push(&mut out, Some(Requirement::CrossoverMin), row, tightening);
                 }
@@ -1702,7 +1729,7 @@ impl TuningProblem<'_> {
     }
 
     /// Halves outer gains at each speed until the loop around the tuned inner
-    /// one is stable.
+    /// one is stable; failing that, leaves them where it grows least.
     fn slow_down_outer(
         &self,
         run: &Run,
@@ -1711,6 +1738,7 @@ impl TuningProblem<'_> {
         gains: &mut [GainSet],
     ) {
         gains.par_iter_mut().enumerate().for_each(|(v, g)| {
+            let mut best = (f64::INFINITY, *g);
             for _ in 0..8 {
                 let worst = self
                     .growths(&self.set.plants[v], &inversions[v], g)
@@ -1719,11 +1747,15 @@ impl TuningProblem<'_> {
                 if worst < START_GROWTH || !run.speeds[v].is_finite() {
                     return;
                 }
+                if worst < best.0 {
+                    best = (worst, *g);
+                }
                 for (c, _) in group {
                     let k = &mut g[c.index()];
                     *k = ChannelGains::new(k.k_d, 0.5 * k.k_p, 0.25 * k.k_i);
                 }
             }
+            *g = best.1;
         });
     }
 
@@ -1797,9 +1829,10 @@ impl TuningProblem<'_> {
             }
             let mut done = run.sweeps(&group, &mut gains, &mut stats)?;
             // Where a curve passes close to its kite in long strides, the
-            // grid is refined and the answer touched up.
+            // grid is refined, and the answer touched up at higher prices.
             let refined = run.refined_grid(&grid, &group, &gains);
-            if refined.len() > grid.len() {
+            let missed = done.merits.iter().any(|m| m.1.worst() > MISSED);
+            if refined.len() > grid.len() || missed {
                 let clock = Instant::now();
                 grid = refined;
                 models = self.loop_models(&inversions, &grid)?;
@@ -1808,6 +1841,7 @@ impl TuningProblem<'_> {
                     growth: Vec::new(),
                     sweeps: 2,
                     trust: LATER_TRUST[0],
+                    price_scale: LAST_PRICES * self.options.price_scale,
                     ..self.options.clone()
                 };
                 let run = Run {
