@@ -344,7 +344,11 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
 }
 
 /// Hover beside the published values, for the aircraft they belong to.
-fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+pub(super) fn published(
+    problem: &Problem,
+    sweeps: &[Vec<TrimPoint>],
+    system: System,
+) -> Option<Table> {
     if !problem.name.to_lowercase().replace([' ', '-', '_'], "").contains("coax2d") {
         return None;
     }
@@ -391,7 +395,7 @@ fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Op
 }
 
 /// Mean roll and pitch attitude, rad.
-fn attitude(point: &TrimPoint) -> [f64; 2] {
+pub(super) fn attitude(point: &TrimPoint) -> [f64; 2] {
     let body = crate::vehicle::Layout::BODY;
     [point.mean_state[body.roll], point.mean_state[body.pitch]]
 }
@@ -606,7 +610,8 @@ fn number(value: f64) -> String {
     output::significant(value, 12)
 }
 
-fn figure(
+/// The trim curves.
+pub(super) fn figure(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,
