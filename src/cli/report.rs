@@ -76,8 +76,6 @@ pub(super) fn directory_of(design: &Path) -> &Path {
 
 /// What a report is made of.
 pub(super) struct Inputs {
-    /// The design's directory.
-    pub directory: PathBuf,
     /// The tuned schedule.
     pub schedule: Schedule,
     /// Its verification, if one is there.
@@ -127,15 +125,7 @@ impl Inputs {
             |path| path.display().to_string(),
         );
         let spec = super::tune::SpecArgs::of(spec_path).load()?;
-        Ok(Self {
-            directory: directory.to_path_buf(),
-            schedule,
-            checked,
-            loaded,
-            problem_name,
-            spec,
-            spec_name,
-        })
+        Ok(Self { schedule, checked, loaded, problem_name, spec, spec_name })
     }
 }
 

@@ -600,6 +600,18 @@ pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
     text
 }
 
+/// Most speeds in one plot of loops.
+const MOST_CURVES: usize = 4;
+
+/// At most `most` of the places, evenly spread, the first and the last among
+/// them.
+fn spread(places: &[usize], most: usize) -> Vec<usize> {
+    if places.len() <= most || most < 2 {
+        return places.to_vec();
+    }
+    (0..most).map(|i| places[i * (places.len() - 1) / (most - 1)]).collect()
+}
+
 /// Figures of a design by name: gains, margins, a Nyquist plot a channel,
 /// sensitivity. `nodes` are the plants at the breakpoints, the nominal first.
 pub(super) fn figures(
@@ -619,7 +631,7 @@ pub(super) fn figures(
             .gains()
             .iter()
             .map(|g| Curve {
-                name: ["K_D", "K_P", "K_I"][g.index()].into(),
+                name: ["K_{D}", "K_{P}", "K_{I}"][g.index()].into(),
                 style: g.index(),
                 x: x.clone(),
                 y: table.points().iter().map(|p| p.gains[channel.index()].get(*g)).collect(),
@@ -666,10 +678,11 @@ pub(super) fn figures(
     let mut sensitivities = Vec::new();
     for c in &spec.channels {
         let (mut loops, mut rejections) = (Vec::new(), Vec::new());
-        for (k, p) in table.points().iter().enumerate() {
-            if p.gains[c.channel.index()] == Default::default() {
-                continue;
-            }
+        let tuned: Vec<usize> = (0..table.points().len())
+            .filter(|&k| table.points()[k].gains[c.channel.index()] != Default::default())
+            .collect();
+        for (style, &k) in spread(&tuned, MOST_CURVES).iter().enumerate() {
+            let p = &table.points()[k];
             let model = LoopModel::new(
                 &nodes.plants[k][0],
                 &p.inversion,
@@ -688,7 +701,7 @@ pub(super) fn figures(
             let l = model.channel(&gains, c.channel, &[cut]);
             let response = |response| FrequencyResponse {
                 name: speed_text(p.speed, system),
-                style: k,
+                style,
                 frequency: grid.to_vec(),
                 response,
             };

@@ -17,6 +17,12 @@ const NICHOLS_GAIN_DB: f64 = 30.0;
 /// Lowest sensitivity shown, dB; what is below meets every requirement.
 const LOWEST_SENSITIVITY_DB: f64 = -40.0;
 
+/// A limit for people: three decimals at most, none that say nothing.
+fn tidy(value: f64) -> String {
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
 /// Whether the points of a curve are marked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Marks {
@@ -454,7 +460,7 @@ impl ExclusionRegion {
     }
 
     fn label(&self) -> String {
-        format!("less than {} dB, {} deg", self.gain_margin_db, self.phase_margin_deg)
+        format!("less than {} dB, {} deg", tidy(self.gain_margin_db), tidy(self.phase_margin_deg))
     }
 }
 
@@ -645,7 +651,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
         if let Some(peak) = data.peak_spec_db {
             panel = panel
                 .horizontal_band(peak, f64::INFINITY, Tone::Forbidden, "not allowed")
-                .horizontal_line(peak, &format!("peak {peak} dB"));
+                .horizontal_line(peak, &format!("peak {} dB", tidy(peak)));
         }
         if let Some(bandwidth) = data.bandwidth_spec {
             panel = panel
@@ -658,7 +664,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
                 .text(
                     bandwidth,
                     0.5 * (REJECTION_LEVEL_DB + data.peak_spec_db.unwrap_or(0.0)),
-                    &format!("{bandwidth} rad/s"),
+                    &format!("{} rad/s", tidy(bandwidth)),
                     Anchor::Right,
                 );
         }

@@ -1,5 +1,6 @@
 //! What a report shows, from the files of a design and from its problem.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -181,23 +182,32 @@ fn linear(base: &Vehicle, on: bool, point: &TrimPoint) -> Result<Linear, CliErro
     Ok(models()?)
 }
 
-/// Flies the period of a trim once more and keeps what it sees.
+/// Flies the period of a trim once more and looks at it at every azimuth of a
+/// revolution: with equal blades a revolution has several periods.
 fn revolution(vehicle: &Vehicle, point: &TrimPoint) -> Revolution {
-    let steps = point.steps * SAMPLES.div_ceil(point.steps.max(1)).max(1);
+    let advance = vehicle.period * vehicle.reference_speed;
+    let periods = (TAU / advance).round().max(1.0) as usize;
+    let steps = point.steps * SAMPLES.div_ceil(periods * point.steps.max(1)).max(1);
     let shooting = Shooting::new(vehicle, point.condition, point.method, steps);
+    let mut flown: Vec<(f64, Vec<f64>, Vec<f64>)> = Vec::new();
+    shooting.fly(&point.state, &point.sticks, |_, time, state, effectors| {
+        flown.push((time * vehicle.reference_speed, state.to_vec(), effectors.to_vec()));
+    });
     let mut work = vehicle.workspace::<f64>();
     let mut rates = vec![0.0; vehicle.state_count()];
-    let (mut azimuth, mut outputs) = (Vec::new(), Vec::new());
-    shooting.fly(&point.state, &point.sticks, |_, time, state, effectors| {
-        let angle = time * vehicle.reference_speed;
-        vehicle.rates(angle, state, effectors, [0.0; 3], &mut work, &mut rates);
-        azimuth.push(angle);
-        outputs.push(vehicle.output(state, effectors, [0.0; 3], &work));
-    });
-    // The revolution closes on itself.
-    if let (Some(first), Some(last)) = (outputs.first().cloned(), azimuth.last()) {
-        azimuth.push(last + std::f64::consts::TAU / steps as f64);
-        outputs.push(first);
+    let (mut azimuth, mut output) = (Vec::new(), Vec::new());
+    for period in 0..periods {
+        for (angle, state, effectors) in &flown {
+            let angle = angle + period as f64 * advance;
+            vehicle.rates(angle, state, effectors, [0.0; 3], &mut work, &mut rates);
+            azimuth.push(angle);
+            output.push(vehicle.output(state, effectors, [0.0; 3], &work));
+        }
     }
-    Revolution { airspeed: point.condition.airspeed, azimuth, output: outputs }
+    // The revolution closes on itself.
+    if let Some(first) = output.first().cloned() {
+        azimuth.push(periods as f64 * advance);
+        output.push(first);
+    }
+    Revolution { airspeed: point.condition.airspeed, azimuth, output }
 }

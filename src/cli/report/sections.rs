@@ -13,7 +13,7 @@ use super::super::tune::{
 use super::super::version;
 use super::gather::{Checked, Linear, Revolution, Study};
 use super::{Inputs, problem_hash};
-use crate::cli::CliError;
+use crate::cli::{CliError, output};
 use crate::control::axis::Channel;
 use crate::control::plant::ModelClass;
 use crate::control::verify::Row;
@@ -164,8 +164,23 @@ fn place_of(row: &Row, system: System) -> String {
         row.axis,
         speed_of(row.speed_m_s, system),
         row.model,
-        row.binding.as_deref().unwrap_or("no requirement")
+        requirement(row)
     )
+}
+
+/// The requirement that binds, in words.
+fn requirement(row: &Row) -> String {
+    match row.binding.as_deref() {
+        None => "no requirement".into(),
+        Some("pm_deg") => "phase margin".into(),
+        Some("gm_up_db") => "gain margin upward".into(),
+        Some("gm_down_db") => "gain margin downward".into(),
+        Some("drb_rad_s") => "disturbance rejection bandwidth".into(),
+        Some("drp_db") => "disturbance rejection peak".into(),
+        Some("crossover_min_rad_s") => "least crossover".into(),
+        Some("crossover_max_rad_s") => "largest crossover".into(),
+        Some(other) => other.replace('_', " "),
+    }
 }
 
 fn axes_table(checked: &Checked, system: System) -> Table {
@@ -198,7 +213,7 @@ fn axes_table(checked: &Checked, system: System) -> Table {
         let met = of().filter(|r| r.passed).count();
         let count = of().count();
         let all_met = if met == count { Highlight::Good } else { Highlight::Bad };
-        let bound = |row: &Row| Cell::from(row.binding.as_deref().unwrap_or(""));
+        let bound = |row: &Row| Cell::from(requirement(row));
         table.row([
             Cell::from(channel.name()),
             cell(nominal),
@@ -222,12 +237,14 @@ fn facts(inputs: &Inputs, study: &Study, system: System) -> Vec<(String, String)
         ("disk loading".to_string(), shown(Kind::Pressure, aircraft.disk_loading, 3, system)),
     ];
     for points in &study.sweeps {
-        let Some(first) = points.first() else { continue };
-        let word = interactions(first.interactions);
         if let Some(hover) = points.iter().find(|p| p.condition.airspeed == 0.0 && p.on_orbit()) {
             let power = shown(Kind::Power, hover.power.shaft, 4, system);
-            facts.push((format!("hover power, {word}"), power));
+            facts.push((format!("hover power, {}", interactions(hover.interactions)), power));
         }
+    }
+    for points in &study.sweeps {
+        let Some(first) = points.first() else { continue };
+        let word = interactions(first.interactions);
         let flown = points.iter().filter(|p| p.on_orbit()).count();
         facts.push((format!("trimmed, {word}"), format!("{flown} of {} speeds", points.len())));
     }
@@ -384,13 +401,50 @@ pub(super) fn trim(inputs: &Inputs, study: &Study, system: System) -> Section {
     if !failed.is_empty() {
         section = section.preformatted("What did not trim, and why", failed.trim_end());
     }
-    match published(problem, &study.sweeps, system) {
+    match hover_table(problem, &study.sweeps, system) {
         Some(table) => section.heading("Hover").table(table).paragraph(
             "λ is the inflow over the tip speed: λ0 in all, λs0 induced by the rotor itself. \
              Published values are those of Table 2.",
         ),
         None => section,
     }
+}
+
+/// Hover beside the published values, a row for each quantity.
+fn hover_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+    let pairs = published(problem, sweeps)?;
+    let rotors: Vec<&str> = problem.rotors.iter().map(|r| r.name.as_str()).collect();
+    let number = |name: &str| Column::number(name, "", Digits::Significant(4));
+    let mut columns =
+        vec![Column::text("quantity"), Column::text("unit"), Column::text("interactions")];
+    for rotor in &rotors {
+        columns.push(number(rotor));
+        columns.push(number("published"));
+        columns.push(Column::number("ratio", "", Digits::Decimals(3)));
+    }
+    let mut table = Table::new("Hover beside the published Table 2", columns);
+    let mut done: Vec<(&str, bool)> = Vec::new();
+    for pair in &pairs {
+        let key = (pair.quantity, pair.interactions);
+        if done.contains(&key) {
+            continue;
+        }
+        done.push(key);
+        let mut cells = vec![
+            Cell::from(pair.quantity),
+            pair.kind.symbol(system).into(),
+            on_off(pair.interactions).into(),
+        ];
+        for rotor in &rotors {
+            let found =
+                pairs.iter().find(|p| (p.quantity, p.interactions) == key && p.rotor == *rotor);
+            cells.push(found.map(|p| p.kind.from_si(p.ours, system)).into());
+            cells.push(found.map(|p| p.kind.from_si(p.printed, system)).into());
+            cells.push(found.map(|p| p.ours / p.printed).into());
+        }
+        table.row(cells);
+    }
+    Some(table)
 }
 
 // ---------------------------------------------------------------------------
@@ -644,11 +698,15 @@ pub(super) fn responses(study: &Study, system: System) -> Result<Section, CliErr
             })
         })
         .collect::<Result<Vec<_>, LinearError>>()?;
-    Ok(section.figure(
-        bode_figure("On-axis responses of the full-order models", &channels),
-        "Sticks to roll rate, pitch rate, vertical velocity and yaw rate, full order, averaged. \
-         Compare with Fig. 16 of the reference paper.",
-    ))
+    // Two axes a figure, to keep the letters large.
+    Ok(channels.chunks(2).fold(section, |section, pair| {
+        let names: Vec<&str> = pair.iter().map(|c| c.title.as_str()).collect();
+        section.figure(
+            bode_figure(&names.join(", "), pair),
+            "On-axis responses of the full-order, averaged models. Compare with Fig. 16 of the \
+             reference paper.",
+        )
+    }))
 }
 
 // ---------------------------------------------------------------------------
@@ -657,7 +715,7 @@ pub(super) fn responses(study: &Study, system: System) -> Result<Section, CliErr
 /// Diagrams of the law with its settings.
 pub(super) fn law(inputs: &Inputs, system: System) -> Section {
     let (settings, hardware) = (&inputs.schedule.law, &inputs.schedule.hardware);
-    let number = |v: f64| significant(v, 3);
+    let number = |v: f64| output::significant(v, 3);
     let attitude = if settings.roll_frequency == settings.pitch_frequency {
         format!("ω {} rad/s", number(settings.roll_frequency))
     } else {
@@ -741,25 +799,35 @@ pub(super) fn verification(
 ) -> Result<Option<Section>, CliError> {
     let Some(checked) = &inputs.checked else { return Ok(None) };
     let mut section = Section::new("Margins and verification");
+    let mut loops = Figure::new("Open loops cut at the actuator, nominal model")
+        .columns(2)
+        .panel_size(320.0, 320.0)
+        .legend(Legend::Above);
     for (name, figure) in margin_figures(inputs, study, system)? {
         let caption = match name.as_str() {
             "gains" => continue,
+            _ if name.starts_with("nyquist") => {
+                loops = loops.append(figure);
+                continue;
+            }
             "margins" => {
                 "Least design margin of all models: 0 % is just met, 100 % is comfortable; \
                  underlined where missed."
             }
             "sensitivity" => {
-                "Disturbance rejection of the nominal model at every breakpoint; where a curve must \
+                "Disturbance rejection of the nominal model at breakpoints over the speed range; where a curve must \
                  not go is shaded."
             }
-            _ => {
-                "Open loop cut at the actuator, with the region that the margins forbid. Dots name \
-                 frequencies in rad/s."
-            }
+            _ => "",
         };
         section = section.figure(figure, caption);
     }
     section = section
+        .figure(
+            loops,
+            "Open loops with the region around −1 that the margins forbid; outer loops closed for \
+             vx and vy, open for the others. Dots on the first curve name frequencies in rad/s.",
+        )
         .folded(
             "Every check of the nominal model, and those missed by others",
             rows_table(&checked.verification, system, false),

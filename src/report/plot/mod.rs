@@ -522,6 +522,19 @@ impl Figure {
         self
     }
 
+    /// Adds the panels of another figure; panels without a title take its.
+    #[must_use]
+    pub fn append(mut self, other: Self) -> Self {
+        let title = other.title;
+        self.panels.extend(other.panels.into_iter().map(|mut panel| {
+            if panel.title.is_empty() {
+                panel.title.clone_from(&title);
+            }
+            panel
+        }));
+        self
+    }
+
     /// Number of columns, at least one.
     #[must_use]
     pub fn columns(mut self, columns: usize) -> Self {
