@@ -7,6 +7,7 @@
 pub mod args;
 mod bode;
 mod check;
+mod compare;
 mod completions;
 mod design;
 mod error;
@@ -58,8 +59,12 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Run the whole pipeline into a directory, changed stages only
+    Design(design::Design),
     /// Write a design as one HTML page
     Report(report::Report),
+    /// Problem files or designs side by side
+    Compare(compare::Compare),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -86,7 +91,9 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Design(command) => command.run(),
             Command::Report(command) => command.run(),
+            Command::Compare(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

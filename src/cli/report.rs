@@ -1,6 +1,6 @@
 //! `coaxdesign report`.
 
-mod gather;
+pub(super) mod gather;
 mod sections;
 
 use std::path::{Path, PathBuf};

@@ -429,7 +429,7 @@ pub(super) fn attitude(point: &TrimPoint) -> [f64; 2] {
 }
 
 /// The control nearest to a limit, and its distance as a fraction of travel.
-fn least_margin(point: &TrimPoint) -> Option<(&str, f64)> {
+pub(super) fn least_margin(point: &TrimPoint) -> Option<(&str, f64)> {
     point
         .margins
         .iter()
@@ -648,42 +648,51 @@ pub(super) fn figure(
         .iter()
         .filter(|points| !points.is_empty())
         .map(|points| {
-            let good: Vec<&TrimPoint> = points.iter().filter(|p| p.on_orbit()).collect();
-            let channel = |name: &str, unit: &str, pick: &dyn Fn(&TrimPoint) -> f64| Channel {
-                name: name.into(),
-                unit: unit.into(),
-                values: good.iter().map(|point| pick(point)).collect(),
-            };
             let on = points[0].interactions;
-            TrimSweep {
-                name: format!("interactions {}", on_off(on)),
-                style: usize::from(!on),
-                marks: Marks::With,
-                speed: good
-                    .iter()
-                    .map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system))
-                    .collect(),
-                pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
-                roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
-                controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
-                power: channel("power", Kind::Power.symbol(system), &|p| {
-                    Kind::Power.from_si(p.power.shaft, system)
-                }),
-                thrust_share: problem
-                    .rotors
-                    .iter()
-                    .enumerate()
-                    .map(|(k, rotor)| {
-                        channel(&rotor.name, "%", &|p| {
-                            let total: f64 = p.rotors.iter().map(|r| r.thrust).sum();
-                            100.0 * p.rotors[k].thrust / total
-                        })
-                    })
-                    .collect(),
-            }
+            let name = format!("interactions {}", on_off(on));
+            curves(&name, usize::from(!on), problem, points, system)
         })
         .collect();
     trim_figure(&format!("{}: trim", problem.name), Kind::Airspeed.symbol(system), &data)
+}
+
+/// The curves of one sweep, of the points that are on their orbits.
+pub(super) fn curves(
+    name: &str,
+    style: usize,
+    problem: &Problem,
+    points: &[TrimPoint],
+    system: System,
+) -> TrimSweep {
+    let good: Vec<&TrimPoint> = points.iter().filter(|p| p.on_orbit()).collect();
+    let channel = |name: &str, unit: &str, pick: &dyn Fn(&TrimPoint) -> f64| Channel {
+        name: name.into(),
+        unit: unit.into(),
+        values: good.iter().map(|point| pick(point)).collect(),
+    };
+    TrimSweep {
+        name: name.into(),
+        style,
+        marks: Marks::With,
+        speed: good.iter().map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system)).collect(),
+        pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
+        roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
+        controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
+        power: channel("power", Kind::Power.symbol(system), &|p| {
+            Kind::Power.from_si(p.power.shaft, system)
+        }),
+        thrust_share: problem
+            .rotors
+            .iter()
+            .enumerate()
+            .map(|(k, rotor)| {
+                channel(&rotor.name, "%", &|p| {
+                    let total: f64 = p.rotors.iter().map(|r| r.thrust).sum();
+                    100.0 * p.rotors[k].thrust / total
+                })
+            })
+            .collect(),
+    }
 }
 
 /// Iterations of a point, for `--trace`.

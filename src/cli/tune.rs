@@ -603,13 +603,13 @@ pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
 /// Most speeds in one plot of loops.
 const MOST_CURVES: usize = 4;
 
-/// At most `most` of the places, evenly spread, the first and the last among
-/// them.
-fn spread(places: &[usize], most: usize) -> Vec<usize> {
-    if places.len() <= most || most < 2 {
-        return places.to_vec();
+/// At most `most` of `count` places, evenly spread, the first and the last
+/// among them.
+fn spread(count: usize, most: usize) -> Vec<usize> {
+    if count <= most || most < 2 {
+        return (0..count).collect();
     }
-    (0..most).map(|i| places[i * (places.len() - 1) / (most - 1)]).collect()
+    (0..most).map(|i| i * (count - 1) / (most - 1)).collect()
 }
 
 /// Figures of a design by name: gains, margins, a Nyquist plot a channel,
@@ -678,10 +678,11 @@ pub(super) fn figures(
     let mut sensitivities = Vec::new();
     for c in &spec.channels {
         let (mut loops, mut rejections) = (Vec::new(), Vec::new());
-        let tuned: Vec<usize> = (0..table.points().len())
-            .filter(|&k| table.points()[k].gains[c.channel.index()] != Default::default())
-            .collect();
-        for (style, &k) in spread(&tuned, MOST_CURVES).iter().enumerate() {
+        // The same speeds in every plot, so that a style is a speed.
+        for (style, &k) in spread(table.points().len(), MOST_CURVES).iter().enumerate() {
+            if table.points()[k].gains[c.channel.index()] == Default::default() {
+                continue;
+            }
             let p = &table.points()[k];
             let model = LoopModel::new(
                 &nodes.plants[k][0],

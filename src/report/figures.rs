@@ -167,7 +167,8 @@ pub fn trim_figure(title: &str, speed_unit: &str, sweeps: &[TrimSweep]) -> Figur
     for sweep in sweeps {
         for (rotor, share) in sweep.thrust_share.iter().enumerate() {
             // The legend names the models; the rotors are named at their curves.
-            let line = series("", sweep.style, &sweep.speed, &share.values, sweep.marks);
+            let line = series("", sweep.style, &sweep.speed, &share.values, sweep.marks)
+                .hint(&format!("{}, {}", share.name, sweep.name));
             shares = shares.line(line);
             // Away from hover, where the curves are steep and close to each other.
             let middle = share.values.len() * 3 / 4;

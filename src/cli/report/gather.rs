@@ -59,7 +59,7 @@ pub(super) fn schedule(directory: &Path) -> Result<Schedule, CliError> {
 }
 
 /// Reads `verification.json`, if it is there.
-pub(super) fn verification(directory: &Path) -> Result<Option<Checked>, CliError> {
+pub(in crate::cli) fn verification(directory: &Path) -> Result<Option<Checked>, CliError> {
     let path = directory.join("verification.json");
     let text = match std::fs::read_to_string(&path) {
         Ok(text) => text,

@@ -527,7 +527,7 @@ fn orbit(revolution: &Revolution, names: &[String], speed: &str, system: System)
             panel("acceleration, less mean", "g", 0.01, acceleration),
         ],
     )
-    .legend(Legend::Inside)
+    .legend(Legend::Above)
 }
 
 /// A curve; the mean leaves out the last point, which repeats the first.
@@ -800,8 +800,8 @@ pub(super) fn verification(
     let Some(checked) = &inputs.checked else { return Ok(None) };
     let mut section = Section::new("Margins and verification");
     let mut loops = Figure::new("Open loops cut at the actuator, nominal model")
-        .columns(2)
-        .panel_size(320.0, 320.0)
+        .columns(3)
+        .panel_size(235.0, 235.0)
         .legend(Legend::Above);
     for (name, figure) in margin_figures(inputs, study, system)? {
         let caption = match name.as_str() {

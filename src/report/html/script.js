@@ -46,7 +46,10 @@
       unit: unit || "",
       value: function (pixel) {
         var t = (pixel - start) / (end - start);
-        return part[2] === "log" ? low * Math.pow(high / low, t) : low + (high - low) * t;
+        if (part[2] === "log") { return low * Math.pow(high / low, t); }
+        var value = low + (high - low) * t;
+        // Places are written to a hundredth of a pixel: below that is nothing.
+        return Math.abs(value) < 2e-5 * (high - low) ? 0 : value;
       }
     };
   }
@@ -212,9 +215,21 @@
         panel.x.name + " " + write(panel.x.value(s.x), panel.x.unit) + ", " +
         panel.y.name + " " + write(panel.y.value(s.y), panel.y.unit);
     }
+    // Abscissae of the ends of a panel's data.
+    function ends(panel) {
+      var all = [];
+      (panel.forward ? panel.curves : []).forEach(function (c) {
+        c.points.forEach(function (p) { if (p) { all.push(p[0]); } });
+      });
+      return all.length ? [Math.min.apply(null, all), Math.max.apply(null, all)] : [panel.left, panel.right];
+    }
+    // Into a panel, as far along it as in the one before.
     function enter(d, index) {
-      var panel = panels(d)[index];
-      point(d, index, panel.forward ? (d.at ? d.at.x : panel.left) : panel.left, panel.bottom);
+      var panel = panels(d)[index], before = panels(d)[d.index];
+      var x = before && d.at
+        ? panel.left + (d.at.x - before.left) / (before.right - before.left) * (panel.right - panel.left)
+        : ends(panel)[0];
+      point(d, index, x, panel.bottom);
     }
     // One step of the keyboard's cursor.
     function step(d, forward, far) {
@@ -275,8 +290,9 @@
     ["pointerup", "pointercancel"].forEach(function (name) {
       plot.addEventListener(name, function () { drag = null; });
     });
-    plot.addEventListener("pointerleave", function () {
-      if (document.activeElement !== plot) { erase(current()); readout.textContent = ""; }
+    plot.addEventListener("pointerleave", function (event) {
+      // What a finger has pointed at stays.
+      if (event.pointerType !== "touch" && document.activeElement !== plot) { erase(current()); readout.textContent = ""; }
     });
     plot.addEventListener("focus", function () {
       if (plot.matches(":focus-visible")) {
@@ -306,8 +322,7 @@
         if (d.index < 0 || !d.ink) { enter(d, Math.max(d.index, 0)); }
         else if (key === "ArrowLeft" || key === "ArrowRight") { step(d, key === "ArrowRight", event.shiftKey); }
         else if (key === "Home" || key === "End") {
-          var here = panels(d)[d.index];
-          point(d, d.index, key === "Home" ? here.left : here.right, d.at.y);
+          point(d, d.index, ends(panels(d)[d.index])[key === "Home" ? 0 : 1], d.at.y);
         } else {
           enter(d, clamp(d.index + (key === "ArrowDown" ? 1 : -1), 0, panels(d).length - 1));
         }
