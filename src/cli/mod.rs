@@ -9,6 +9,7 @@ mod bode;
 mod check;
 mod completions;
 mod error;
+mod fly;
 mod linearize;
 mod man;
 mod models;
@@ -16,6 +17,7 @@ mod modes;
 mod new;
 pub mod output;
 mod schema;
+mod simulate;
 pub(crate) mod trim;
 mod tune;
 mod validate;
@@ -55,6 +57,8 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Fly a manoeuvre with the full nonlinear vehicle
+    Simulate(simulate::Simulate),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -81,6 +85,7 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Simulate(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),
