@@ -7,19 +7,25 @@
 pub mod args;
 mod bode;
 mod check;
+mod compare;
 mod completions;
+mod design;
 mod error;
+mod fly;
 mod linearize;
 mod man;
 mod models;
 mod modes;
 mod new;
 pub mod output;
+mod report;
 mod schema;
+mod simulate;
 pub(crate) mod trim;
 mod tune;
 mod validate;
 mod verify;
+mod version;
 
 use std::process::ExitCode;
 
@@ -38,7 +44,7 @@ Exit codes:
 
 /// From a description of a rotorcraft to a flyable gain schedule
 #[derive(Debug, Parser)]
-#[command(name = "coaxdesign", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "coaxdesign", version = version::LONG, after_help = EXIT_CODES, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -55,6 +61,14 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Run the whole pipeline into a directory, changed stages only
+    Design(design::Design),
+    /// Write a design as one HTML page
+    Report(report::Report),
+    /// Problem files or designs side by side
+    Compare(compare::Compare),
+    /// Fly a manoeuvre with the full nonlinear vehicle
+    Simulate(simulate::Simulate),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -81,6 +95,10 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Design(command) => command.run(),
+            Command::Report(command) => command.run(),
+            Command::Compare(command) => command.run(),
+            Command::Simulate(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

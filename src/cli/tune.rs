@@ -22,6 +22,7 @@ use crate::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
     gain_schedule_figure, heatmap_figure, nyquist_figure, sensitivity_figure,
 };
+use crate::report::plot::Figure;
 use crate::report::progress::Progress;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::schedule::{Provenance, Schedule, hash};
@@ -95,6 +96,11 @@ pub struct SpecArgs {
 }
 
 impl SpecArgs {
+    /// A specification file, or the built-in one, with all its models.
+    pub(super) fn of(spec: Option<PathBuf>) -> Self {
+        Self { spec, nominal_only: false }
+    }
+
     /// Reads the specification; also its text, for the hash.
     pub(super) fn load(&self) -> Result<(Specification, String), CliError> {
         let (mut spec, text) = match &self.spec {
@@ -281,8 +287,10 @@ impl Tune {
             let text = json_text()?;
             output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
             if self.plot {
-                for (path, svg) in plots(paths, &design, &nodes, &spec, &verification, system)? {
-                    output::write_whole(&path, svg.as_bytes(), self.force)?;
+                for (name, figure) in figures(&design.table, &nodes, &spec, &verification, system)?
+                {
+                    let path = paths.directory.join(format!("{name}.svg"));
+                    output::write_whole(&path, figure.to_svg().as_bytes(), self.force)?;
                 }
             }
         }
@@ -488,7 +496,7 @@ fn lag_text(design: &Design, system: System) -> String {
     text
 }
 
-fn gains_table(table: &LawTable, system: System) -> Table {
+pub(super) fn gains_table(table: &LawTable, system: System) -> Table {
     let unit = Kind::Airspeed.symbol(system);
     let mut columns = vec![Column::number("speed", unit, Digits::Decimals(0))];
     let digits = Digits::Significant(4);
@@ -625,7 +633,7 @@ pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
     text
 }
 
-fn explanations_text(list: &[Explanation], system: System) -> String {
+pub(super) fn explanations_text(list: &[Explanation], system: System) -> String {
     let mut text = String::new();
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
@@ -663,7 +671,7 @@ fn explanations_text(list: &[Explanation], system: System) -> String {
     text
 }
 
-fn left_out_text(list: &[LeftOut], system: System) -> String {
+pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
     let mut text = String::new();
     for l in list {
         text += &format!(
@@ -681,18 +689,29 @@ fn tidy_decibels(factor: f64) -> f64 {
     (crate::control::metrics::decibels(factor) * 1e9).round() / 1e9
 }
 
-/// Plots as (file, SVG text).
-fn plots(
-    paths: &Paths,
-    design: &Design,
+/// Most speeds in one plot of loops.
+const MOST_CURVES: usize = 4;
+
+/// At most `most` of `count` places, evenly spread, the first and the last
+/// among them.
+fn spread(count: usize, most: usize) -> Vec<usize> {
+    if count <= most || most < 2 {
+        return (0..count).collect();
+    }
+    (0..most).map(|i| i * (count - 1) / (most - 1)).collect()
+}
+
+/// Figures of a design by name: gains, margins, a Nyquist plot a channel,
+/// sensitivity. `nodes` are the plants at the breakpoints, the nominal first.
+pub(super) fn figures(
+    table: &LawTable,
     nodes: &ModelSet,
     spec: &Specification,
     verification: &Verification,
     system: System,
-) -> Result<Vec<(PathBuf, String)>, CliError> {
+) -> Result<Vec<(String, Figure)>, CliError> {
     use crate::control::loops::{Cut, LoopModel};
     let unit = Kind::Airspeed.symbol(system);
-    let table = &design.table;
     let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
     let mut panels = Vec::new();
     for c in &spec.channels {
@@ -701,7 +720,7 @@ fn plots(
             .gains()
             .iter()
             .map(|g| Curve {
-                name: ["K_D", "K_P", "K_I"][g.index()].into(),
+                name: ["K_{D}", "K_{P}", "K_{I}"][g.index()].into(),
                 style: g.index(),
                 x: x.clone(),
                 y: table.points().iter().map(|p| p.gains[channel.index()].get(*g)).collect(),
@@ -717,10 +736,9 @@ fn plots(
         });
     }
     let mut out = Vec::new();
-    let file = |name: &str| paths.directory.join(name);
     out.push((
-        file("gains.svg"),
-        gain_schedule_figure("Gains over true airspeed", unit, &panels).to_svg(),
+        "gains".to_string(),
+        gain_schedule_figure("Gains over true airspeed", unit, &panels),
     ));
     // Least design margin over models, axis by speed.
     let mut speeds: Vec<f64> = verification.rows.iter().map(|r| r.speed_m_s).collect();
@@ -744,15 +762,17 @@ fn plots(
         required: 0.0,
         decimals: 0,
     };
-    out.push((file("margins.svg"), heatmap_figure("Design margin", &map).to_svg()));
+    out.push(("margins".to_string(), heatmap_figure("Design margin", &map)));
     let grid: std::sync::Arc<[f64]> = crate::control::tuning::default_grid(0.02, 60.0, 500).into();
     let mut sensitivities = Vec::new();
     for c in &spec.channels {
         let (mut loops, mut rejections) = (Vec::new(), Vec::new());
-        for (k, p) in table.points().iter().enumerate() {
-            if p.gains[c.channel.index()] == Default::default() {
+        // The same speeds in every plot, so that a style is a speed.
+        for (style, &k) in spread(table.points().len(), MOST_CURVES).iter().enumerate() {
+            if table.points()[k].gains[c.channel.index()] == Default::default() {
                 continue;
             }
+            let p = &table.points()[k];
             let model = LoopModel::new(
                 &nodes.plants[k][0],
                 &p.inversion,
@@ -771,7 +791,7 @@ fn plots(
             let l = model.channel(&gains, c.channel, &[cut]);
             let response = |response| FrequencyResponse {
                 name: speed_text(p.speed, system),
-                style: k,
+                style,
                 frequency: grid.to_vec(),
                 response,
             };
@@ -784,10 +804,7 @@ fn plots(
             phase_margin_deg: t.phase.to_degrees(),
         };
         let title = format!("{} loop, nominal model", c.channel);
-        out.push((
-            file(&format!("nyquist-{}.svg", c.channel)),
-            nyquist_figure(&title, &loops, Some(&region)).to_svg(),
-        ));
+        out.push((format!("nyquist-{}", c.channel), nyquist_figure(&title, &loops, Some(&region))));
         sensitivities.push(SensitivityPanel {
             title: c.channel.name().into(),
             bandwidth_spec: t.drb,
@@ -796,8 +813,8 @@ fn plots(
         });
     }
     out.push((
-        file("sensitivity.svg"),
-        sensitivity_figure("Disturbance rejection, nominal model", &sensitivities).to_svg(),
+        "sensitivity".to_string(),
+        sensitivity_figure("Disturbance rejection, nominal model", &sensitivities),
     ));
     Ok(out)
 }
