@@ -350,8 +350,6 @@ const RESCUE_VIOLATION: f64 = 2e-3;
 const LAST_PRICES: f64 = 10.0;
 /// A violation beyond this, in slack units, makes them worth while.
 const MISSED: f64 = 2e-4;
-/// Up to this multiple of the least crossover |L| = 1 is looked for.
-const CROSSING_REACH: f64 = 4.0;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
 /// radius 0.5 over it is 0.0009, a twentieth of a degree.
 const LONGEST_CHORD: f64 = 0.06;
@@ -937,16 +935,6 @@ impl Site {
         self.targets.drp.map(|p| p * back)
     }
 
-    /// Grid point at or above a frequency at which |L| is largest: if it is 1
-    /// there, the last crossing is not below that frequency.
-    fn crossing_place(&self, w: f64, size: impl Fn(usize) -> f64) -> usize {
-        let omega = &self.loops.omega;
-        let first = nearest(omega, w);
-        (first..omega.len())
-            .take_while(|&k| omega[k] < CROSSING_REACH * w)
-            .fold(first, |best, k| if size(k) > size(best) { k } else { best })
-    }
-
     /// Grid points at which |L| ≤ 1 is required for the largest crossover.
     fn above(&self, crossover: f64) -> impl Iterator<Item = usize> + '_ {
         let w = &self.loops.omega;
@@ -994,8 +982,9 @@ impl Site {
             out[0] = out[0].max(worst);
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
-                    let k = self.crossing_place(w, |k| curve[k].norm());
-                    out[3] = 1.0 - curve[k].norm();
+                    // More than the last crossing asks for: a hump beyond w
+                    // would do for that, but not for neighbouring models.
+                    out[3] = 1.0 - curve[nearest(&l.omega, w)].norm();
                 }
                 if let Some(w) = self.targets.crossover_max {
                     out[4] = self.above(w).map(|k| curve[k].norm() - 1.0).fold(0.0, f64::max);
@@ -1108,7 +1097,7 @@ impl Site {
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
                     // Re l₀*(L D̄) ≥ Re D̄ at the frequency, in units of D̄₀.
-                    let place = self.crossing_place(w, |k| points[k].2.norm());
+                    let place = nearest(&l.omega, w);
                     let (d, b, curve) = &points[place];
                     let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                     let unit = curve / curve.norm();
@@ -1118,7 +1107,8 @@ impl Site {
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
                         t.1 -= s.1;
                     }
-                    // |L| falls as the bound moves up, where it is read there.
+                    // |L| falls as the bound moves up; where it rises, a higher
+                    // bound costs nothing.
                     let fall = log_slope(&l.omega, place, |k| points[k].2.norm()).min(0.0);
                     let tightening = vec![(Target::CrossoverMin, fall)];
                     push(&mut out, Some(Requirement::CrossoverMin), row, tightening);
