@@ -290,8 +290,7 @@ impl Controller {
     /// measured, integrals at zero.
     fn start(&mut self, m: &Measurement, p: &LawPoint, vertical: f64, ground: [f64; 2]) {
         let value = |value: f64| Reference { value, ..Reference::default() };
-        self.references =
-            [m.roll, m.pitch, m.rates[2], vertical, ground[0], ground[1]].map(value);
+        self.references = [m.roll, m.pitch, m.rates[2], vertical, ground[0], ground[1]].map(value);
         self.velocity_commands = ground;
         let now = self.references.map(|r| [r.value, r.rate]);
         let length = (self.table.settings.reference_delay / self.step).round() as usize;
@@ -414,7 +413,8 @@ impl Controller {
                 let errors = [due[VELOCITY][0] - forward, due[VELOCITY + 1][0] - right];
                 let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
                 // Heading axes turn: holding V_y takes V_x ψ' of acceleration.
-                let turning = [0.0, (self.velocity_commands[0] * demand.heading_rate / GRAVITY).atan()];
+                let turning =
+                    [0.0, (self.velocity_commands[0] * demand.heading_rate / GRAVITY).atan()];
                 let raw: [f64; 2] = std::array::from_fn(|k| {
                     (acceleration[k]
                         + gains[k].k_p * errors[k]
