@@ -113,8 +113,10 @@ struct Stage {
     arguments: Vec<String>,
     /// Further arguments: files.
     files: Vec<String>,
+    /// Whether the specification matters to it.
+    specified: bool,
     /// Files of the design that it reads.
-    reads: Vec<&'static str>,
+    reads: Vec<String>,
     /// Files of the design that it writes.
     writes: Vec<String>,
 }
@@ -298,6 +300,7 @@ impl Design {
                     units,
                 ]),
                 files: vec![problem.clone(), "-o".into(), path("trim.json")],
+                specified: false,
                 reads: vec![],
                 writes: vec!["trim.json".into()],
             },
@@ -314,7 +317,8 @@ impl Design {
                     "--units",
                     "si",
                 ]),
-                files: vec![problem, "-o".into(), path("models.json")],
+                files: vec![problem.clone(), "-o".into(), path("models.json")],
+                specified: false,
                 reads: vec![],
                 writes: vec!["models.json".into()],
             },
@@ -322,6 +326,7 @@ impl Design {
                 name: "gains",
                 arguments: text(&["tune-gains"]),
                 files: gains,
+                specified: true,
                 reads: vec![],
                 writes: text(&["schedule.json", "verification.json"]),
             },
@@ -329,7 +334,8 @@ impl Design {
                 name: "report",
                 arguments: text(&["report", "--speeds", &self.speeds, "--units", units]),
                 files: report,
-                reads: vec!["schedule.json", "verification.json"],
+                specified: true,
+                reads: text(&["schedule.json", "verification.json"]),
                 writes: vec!["report.html".into()],
             },
         ]
@@ -404,12 +410,16 @@ impl Stage {
 
     /// Hash of all that the stage is made from: program, choices, problem,
     /// specification, files of earlier stages.
-    fn key(&self, directory: &Path, sources: &[String]) -> String {
+    fn key(&self, directory: &Path, sources: &[String; 2]) -> String {
         let mut parts = vec![version::LONG.to_string()];
         parts.extend(self.arguments.iter().cloned());
-        parts.extend(sources.iter().cloned());
+        let [problem, specification] = sources;
+        parts.push(problem.clone());
+        if self.specified {
+            parts.push(specification.clone());
+        }
         for file in &self.reads {
-            parts.push((*file).into());
+            parts.push(file.clone());
             parts.push(hash_of(&directory.join(file)).unwrap_or_default());
         }
         hash(parts.iter().map(String::as_str))
@@ -485,7 +495,8 @@ mod tests {
             name: "report",
             arguments: vec!["report".into(), argument.into()],
             files: vec![],
-            reads: vec!["schedule.json"],
+            specified: argument != "unspecified",
+            reads: vec!["schedule.json".into()],
             writes: vec!["report.html".into()],
         };
         let sources = ["a".to_string(), "b".to_string()];
@@ -494,7 +505,9 @@ mod tests {
         let first = key("x", &sources);
         assert_eq!(first, key("x", &sources));
         assert_ne!(first, key("y", &sources));
-        assert_ne!(first, key("x", &["a".to_string(), "c".to_string()]));
+        let respecified = ["a".to_string(), "c".to_string()];
+        assert_ne!(first, key("x", &respecified));
+        assert_eq!(key("unspecified", &sources), key("unspecified", &respecified));
         std::fs::write(directory.path().join("schedule.json"), "{}").unwrap();
         assert_ne!(first, key("x", &sources));
     }
