@@ -11,6 +11,7 @@ mod compare;
 mod completions;
 mod design;
 mod error;
+mod fly;
 mod linearize;
 mod man;
 mod models;
@@ -19,6 +20,7 @@ mod new;
 pub mod output;
 mod report;
 mod schema;
+mod simulate;
 pub(crate) mod trim;
 mod tune;
 mod validate;
@@ -65,6 +67,8 @@ pub enum Command {
     Report(report::Report),
     /// Problem files or designs side by side
     Compare(compare::Compare),
+    /// Fly a manoeuvre with the full nonlinear vehicle
+    Simulate(simulate::Simulate),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -94,6 +98,7 @@ impl Command {
             Command::Design(command) => command.run(),
             Command::Report(command) => command.run(),
             Command::Compare(command) => command.run(),
+            Command::Simulate(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

@@ -284,7 +284,7 @@ impl Residuals for Shooting<'_> {
 }
 
 /// Stick travel, %, that moves a blade by one hundredth of a radian.
-fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
+pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
     [0, 1, 2, 3].map(|stick| {
         let most = vehicle
             .controls

@@ -208,6 +208,8 @@ pub struct TrimPoint {
     pub residuals: Vec<ResidualReport>,
     /// State at azimuth zero.
     pub state: Vec<f64>,
+    /// States at the start of every step of the period.
+    pub orbit: Vec<Vec<f64>>,
     /// Mean state.
     pub mean_state: Vec<f64>,
     /// Sticks, %.
@@ -262,8 +264,10 @@ impl TrimPoint {
     /// The point as a guess for a neighbour.
     #[must_use]
     pub fn guess(&self) -> Guess {
-        let needless = self.step_error < NEEDLESS * Options::default().step_tolerance;
-        let steps = if needless { self.steps.div_ceil(2) } else { self.steps };
+        let usual = Options::default();
+        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
+        let half = self.steps / 2;
+        let steps = if needless && half >= usual.steps { half } else { self.steps };
         Guess { state: self.state.clone(), sticks: self.sticks, steps: Some(steps) }
     }
 }
@@ -511,7 +515,9 @@ fn report(
     let mut power = PowerBalance::default();
     let mut range = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; vehicle.rotors.len()];
     let weight = 1.0 / steps as f64;
+    let mut orbit = Vec::with_capacity(steps);
     let period = shooting.fly(&state, &sticks, |_, time, state, effectors| {
+        orbit.push(state.to_vec());
         let azimuth = time * vehicle.reference_speed;
         vehicle.rates(azimuth, state, effectors, [0.0; 3], &mut work, &mut rates);
         let output = vehicle.output(state, effectors, [0.0; 3], &work);
@@ -586,6 +592,7 @@ fn report(
         residual_norm: values.norm(),
         residuals,
         state,
+        orbit,
         mean_state: period.mean,
         sticks,
         steps,
