@@ -23,6 +23,8 @@ use crate::schedule::hash;
 
 /// Schema of `design.json`.
 const SCHEMA: &str = "coaxdesign.design/1";
+/// The manoeuvre that every design flies: that of the reference paper's Fig. 17.
+const MANEUVER: &str = "accel-climb-turn";
 /// The note of a design.
 const NOTE: &str = "design.json";
 
@@ -267,6 +269,7 @@ impl Design {
     fn stages(&self, breakpoints: &str) -> Vec<Stage> {
         let text = |words: &[&str]| words.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
         let path = |name: &str| self.output.join(name).display().to_string();
+        let flight = format!("{}/{MANEUVER}.json", super::report::FLIGHTS);
         let problem = self
             .problem
             .file
@@ -331,11 +334,25 @@ impl Design {
                 writes: text(&["schedule.json", "verification.json"]),
             },
             Stage {
+                name: "simulation",
+                arguments: text(&["simulate", "-m", MANEUVER, "--interval", "0.05 s"]),
+                files: vec![
+                    self.output.display().to_string(),
+                    "--problem".into(),
+                    problem.clone(),
+                    "-o".into(),
+                    path(&flight),
+                ],
+                specified: false,
+                reads: text(&["schedule.json"]),
+                writes: vec![flight.clone()],
+            },
+            Stage {
                 name: "report",
                 arguments: text(&["report", "--speeds", &self.speeds, "--units", units]),
                 files: report,
                 specified: true,
-                reads: text(&["schedule.json", "verification.json"]),
+                reads: text(&["schedule.json", "verification.json", &flight]),
                 writes: vec!["report.html".into()],
             },
         ]

@@ -15,6 +15,7 @@ use crate::problem::{self, Loaded};
 use crate::report::html::Page;
 use crate::schedule::{Schedule, hash};
 use gather::{Checked, Study};
+pub(super) use maneuvers::DIRECTORY as FLIGHTS;
 use maneuvers::Flown;
 
 /// Write a design as one HTML page: trim, models, law, margins, gains, provenance
