@@ -130,7 +130,8 @@ impl Inputs {
             |path| path.display().to_string(),
         );
         let spec = super::tune::SpecArgs::of(spec_path).load()?;
-        Ok(Self { schedule, checked, loaded, problem_name, spec, spec_name })
+        let flights = maneuvers::read(directory, &schedule)?;
+        Ok(Self { schedule, checked, flights, loaded, problem_name, spec, spec_name })
     }
 }
 
