@@ -379,6 +379,7 @@ impl Design {
         if let Some(threads) = self.threads {
             process.args(["--threads", &threads.to_string()]);
         }
+        tracing::info!(stage = stage.name, command = stage.line(), "run");
         // Tables are in the report; messages are for whoever waits.
         let status = process
             .stdin(Stdio::null())
