@@ -168,6 +168,14 @@ speeds = ["0 kt", "10 kt"]
 [models.nominal]
 class = "nominal"
 
+[margins.nominal]
+gain_margin_db = 4.0
+phase_margin = "30 deg"
+
+[margins.off_nominal]
+gain_margin_db = 3.0
+phase_margin = "25 deg"
+
 [axis.roll]
 drb = "0.3 rad/s"
 drp_db = 6.0
@@ -289,4 +297,22 @@ fn a_design_compares_with_its_margins() {
     let row = out(&table).lines().find(|l| l.contains("least margin, roll, nominal")).unwrap();
     let cells: Vec<&str> = row.rsplit(',').collect();
     assert!(cells[0].is_empty() && cells[1].parse::<f64>().is_ok(), "{row}");
+}
+
+#[test]
+fn traces_go_to_standard_error_and_only_on_request() {
+    let run = |filter: &str| {
+        Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+            .args(["trim", "--speeds", "0 kt", "--interactions", "off", "--format", "csv", "-q"])
+            .env("RUST_LOG", filter)
+            .output()
+            .unwrap()
+    };
+    let (silent, told) = (run(""), run("coaxdesign=debug"));
+    assert!(silent.stderr.is_empty());
+    assert!(err(&told).contains("airspeed_m_s=0"), "{}", err(&told));
+    assert!(!err(&told).contains('\u{1b}'), "no colours outside a terminal");
+    assert_eq!(silent.stdout, told.stdout);
+    let version = program(root(), &["--version"]);
+    assert!(out(&version).starts_with(concat!("coaxdesign ", env!("CARGO_PKG_VERSION"))));
 }

@@ -13,7 +13,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use super::args::{ProblemArgs, Units, UnitsArgs};
+use super::args::{ProblemArgs, STAGE, Units, UnitsArgs};
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
@@ -372,7 +372,7 @@ impl Design {
         let program = std::env::current_exe()
             .map_err(|source| CliError::Io { path: "this program".into(), source })?;
         let mut process = Process::new(&program);
-        process.args(stage.command().split_off(1)).arg("--force");
+        process.args(stage.command().split_off(1)).arg("--force").env(STAGE, stage.name);
         if self.quiet {
             process.arg("--quiet");
         }
