@@ -7,7 +7,9 @@
 pub mod args;
 mod bode;
 mod check;
+mod compare;
 mod completions;
+mod design;
 mod error;
 mod fly;
 mod identify;
@@ -18,12 +20,14 @@ mod modes;
 mod montecarlo;
 mod new;
 pub mod output;
+mod report;
 mod schema;
 mod simulate;
 pub(crate) mod trim;
 mod tune;
 mod validate;
 mod verify;
+mod version;
 
 use std::process::ExitCode;
 
@@ -42,7 +46,7 @@ Exit codes:
 
 /// From a description of a rotorcraft to a flyable gain schedule
 #[derive(Debug, Parser)]
-#[command(name = "coaxdesign", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "coaxdesign", version = version::LONG, after_help = EXIT_CODES, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -59,6 +63,12 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Run the whole pipeline into a directory, changed stages only
+    Design(design::Design),
+    /// Write a design as one HTML page
+    Report(report::Report),
+    /// Problem files or designs side by side
+    Compare(compare::Compare),
     /// Fly a manoeuvre with the full nonlinear vehicle
     Simulate(simulate::Simulate),
     /// Measure a schedule's margins in simulated flight, by frequency sweeps
@@ -91,6 +101,9 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Design(command) => command.run(),
+            Command::Report(command) => command.run(),
+            Command::Compare(command) => command.run(),
             Command::Simulate(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Montecarlo(command) => command.run(),

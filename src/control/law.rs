@@ -1,12 +1,14 @@
 //! The control law: one definition for tuning, simulation and export.
 //!
 //! ```text
-//! δ = δ_trim + B_d⁻¹ (ν − F_att x − κ F_uvw x − (1 − κ) F_uvw x_ref)
-//! ν_φ = φ_ref'' + K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
+//! δ = δ_trim + B_d⁻¹ (ν_c − F x_ref) + M (ν_e − F_κ (x − x_ref)),   F_κ = F_att + κ F_uvw
+//! ν_c = φ_ref'',   ν_e = K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
 //! ```
 //!
 //! and in the same way for θ; for r and V_z (down positive) one derivative
-//! less. x is the deviation from the trim at the scheduled speed. Around it
+//! less. With M = B_d⁻¹ this is the partial inversion B_d⁻¹ (ν − F_att x −
+//! κ F_uvw x − (1 − κ) F_uvw x_ref); see [`Inversion`] for why feedback has an
+//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is the deviation from the trim at the scheduled speed. Around it
 //! the translational rate command of the reference paper's Fig. 11:
 //!
 //! ```text
@@ -107,6 +109,7 @@ impl LawTable {
                 && p.gains.iter().flat_map(|g| g.array()).all(f64::is_finite)
                 && i.outputs.iter().chain(i.rates.iter()).all(|v| v.is_finite())
                 && i.feedback.iter().chain(i.decoupling.iter()).all(|v| v.is_finite())
+                && i.allocation.iter().all(|v| v.is_finite())
                 && i.ground_velocity.iter().all(|v| v.is_finite())
                 && i.reference.dynamics.iter().all(|v| v.is_finite());
             if !finite {
@@ -504,7 +507,7 @@ impl Controller {
         }
         let delayed = self.history.front().copied().unwrap_or_default();
 
-        // ν.
+        // ν_c and ν_e.
         let feed = [
             self.references[0].acceleration,
             self.references[1].acceleration,
@@ -518,7 +521,8 @@ impl Controller {
             m.rates[1] * cp - m.rates[2] * sp,
         ];
         let errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
-        let mut nu = Vector4::from_column_slice(&feed);
+        let mut commanded = Vector4::from_column_slice(&feed);
+        let mut nu = Vector4::<f64>::zeros();
         for axis in Axis::ALL {
             let i = axis.index();
             let k = p.gains[Channel::from(axis).index()];
@@ -544,7 +548,8 @@ impl Controller {
             m.pitch - trim.pitch,
         ]);
         let (velocity, attitude_part) = inv.split_feedback();
-        let mut acceleration = nu - (attitude_part + velocity * settings.kappa) * x;
+        let f_kappa = attitude_part + velocity * settings.kappa;
+        nu -= f_kappa * x;
         // The reference model's deviation is from the trim at the scheduled
         // speed: when that moves, the deviation moves the other way.
         for ((model, old), new) in self.model.iter_mut().zip(&self.trim_velocity).zip(tv.iter()) {
@@ -578,7 +583,8 @@ impl Controller {
             self.model = [ideal[rigid::U], ideal[rigid::V]];
         }
         if settings.hybrid_feedforward {
-            acceleration -= velocity * ideal * (1.0 - settings.kappa);
+            nu += f_kappa * ideal;
+            commanded -= inv.feedback * ideal;
         }
         let change = inv.reference.dynamics * ideal
             + inv.reference.drive * Vector4::from_column_slice(&feed);
@@ -587,7 +593,7 @@ impl Controller {
             self.model[1] += dt * change[1];
         }
 
-        let delta = inv.decoupling * acceleration;
+        let delta = inv.decoupling * commanded + inv.allocation * nu;
         for j in 0..4 {
             let [low, high] = self.stick_limits[j];
             self.sticks[j] = (trim.sticks[j] + delta[j]).clamp(low, high);
@@ -597,7 +603,7 @@ impl Controller {
         for axis in Axis::ALL {
             let (i, e) = (axis.index(), axis.effector().index());
             let wanted = trim.sticks[e] + delta[e];
-            let push = inv.decoupling[(e, i)] * errors[i];
+            let push = inv.allocation[(e, i)] * errors[i];
             let stuck = (wanted > self.stick_limits[e][1] && push > 0.0)
                 || (wanted < self.stick_limits[e][0] && push < 0.0);
             if !stuck {
@@ -633,7 +639,7 @@ fn earth_velocity(m: &Measurement) -> (f64, [f64; 2]) {
 }
 
 /// The linear law's immediate response, sticks per measured state at a fixed
-/// schedule and without integrals: −B_d⁻¹ (K_P C + K_D C A + F_κ). What
+/// schedule and without integrals: −M (K_P C + K_D C A + F_κ). What
 /// [`Controller::step`] must do to small deviations; a test holds it to that.
 pub fn proportional_feedback(p: &LawPoint, settings: &LawSettings) -> nalgebra::SMatrix<f64, 4, 8> {
     let inv = &p.inversion;
@@ -645,7 +651,7 @@ pub fn proportional_feedback(p: &LawPoint, settings: &LawSettings) -> nalgebra::
         let row = rows.row(i) + inv.outputs.row(i) * k.k_p + inv.rates.row(i) * k.k_d;
         rows.set_row(i, &row);
     }
-    -inv.decoupling * rows
+    -inv.allocation * rows
 }
 
 /// Names of the states of `x` above, for exports.
