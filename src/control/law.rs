@@ -8,8 +8,9 @@
 //! and in the same way for θ; for r and V_z (down positive) one derivative
 //! less. With M = B_d⁻¹ this is the partial inversion B_d⁻¹ (ν − F_att x −
 //! κ F_uvw x − (1 − κ) F_uvw x_ref); see [`Inversion`] for why feedback has an
-//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is the deviation from the trim at the scheduled speed. Around it
-//! the translational rate command of the reference paper's Fig. 11:
+//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is
+//! the deviation from the trim at the scheduled speed. Around it the
+//! translational rate command of the reference paper's Fig. 11:
 //!
 //! ```text
 //! θ_c = θ_trim − a_x/G_θ − (K_P e_x + K_I ∫e_x)/g
@@ -314,7 +315,10 @@ impl Controller {
         self.history = std::iter::repeat_n(now, length + 1).collect();
         let trim = p.inversion.trim.velocity_body;
         self.trim_velocity = [trim[0], trim[1]];
-        self.model = [m.velocity_body[0] - trim[0], m.velocity_body[1] - trim[1]];
+        let wind = m.airspeed - ground[0];
+        let (sp, (st, ct)) = (m.roll.sin(), m.pitch.sin_cos());
+        let [u, v, _] = m.velocity_body;
+        self.model = [u + wind * ct - trim[0], v + wind * st * sp - trim[1]];
         self.integrals = [0.0; 4];
         self.velocity_integrals = [0.0; 2];
         self.started = true;
@@ -352,7 +356,7 @@ impl Controller {
 
     /// Sets the integrals so that the sticks move from `own` to `sticks`.
     fn load_integrals(&mut self, p: &LawPoint, own: [f64; 4], sticks: [f64; 4]) {
-        let Some(forward) = p.inversion.decoupling.try_inverse() else {
+        let Some(forward) = p.inversion.allocation.try_inverse() else {
             return;
         };
         let lacking = forward * Vector4::from_fn(|j, _| sticks[j] - own[j]);
@@ -566,11 +570,17 @@ impl Controller {
         ]);
         let z = SVector::<f64, 2>::from_column_slice(&self.model);
         let mut ideal = inv.reference.state * z + inv.reference.input * rho;
+        // Exact kinematics: in a turn the aircraft also pitches and rolls.
+        let to = |k: usize| self.references[k].value;
+        let ((sr, cr), (sp, cp)) = (to(0).sin_cos(), to(1).sin_cos());
+        let [bank_rate, pitch_rate] = [self.references[0].rate, self.references[1].rate];
+        let turn = (to(2) + pitch_rate * sr) / (cp * cr);
+        ideal[rigid::P] = bank_rate - turn * sp;
+        ideal[rigid::Q] = pitch_rate * cr + turn * cp * sr;
+        ideal[rigid::R] = to(2);
         if velocity_mode {
             // The velocities are known from their references, and need no
             // model of their own.
-            let to = |k: usize| self.references[k].value;
-            let ((sr, cr), (sp, cp)) = (to(0).sin_cos(), to(1).sin_cos());
             let (along, down) = (to(VELOCITY) + wind, to(3));
             let lifted = along * sp + down * cp;
             // A coordinated turn leaves no v.
