@@ -12,10 +12,12 @@ mod completions;
 mod design;
 mod error;
 mod fly;
+mod identify;
 mod linearize;
 mod man;
 mod models;
 mod modes;
+mod montecarlo;
 mod new;
 pub mod output;
 mod report;
@@ -35,6 +37,17 @@ pub use error::{CliError, Outcome};
 
 /// Exit codes, for `--help` and the manual page.
 const EXIT_CODES: &str = "\
+First steps:
+  coaxdesign trim                        trim the built-in CoAX 2D from 0 to 90 kt
+  coaxdesign new mine.toml               a commented file to start from
+  coaxdesign check mine.toml             what was understood of it
+  coaxdesign design mine.toml -o DIR     the whole way to a verified, flown gain schedule
+  coaxdesign report DIR                  look at it
+
+Environment:
+  NO_COLOR   no colours, if set
+  RUST_LOG   what is being done, on standard error: error, warn, info, debug
+
 Exit codes:
    0  done
    1  the computation ran but did not reach its goal, for example a trim that did not converge
@@ -69,6 +82,10 @@ pub enum Command {
     Compare(compare::Compare),
     /// Fly a manoeuvre with the full nonlinear vehicle
     Simulate(simulate::Simulate),
+    /// Measure a schedule's margins in simulated flight, by frequency sweeps
+    Identify(identify::Identify),
+    /// Fly a manoeuvre many times with the aircraft and the air varied
+    Montecarlo(montecarlo::MonteCarlo),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -99,6 +116,8 @@ impl Command {
             Command::Report(command) => command.run(),
             Command::Compare(command) => command.run(),
             Command::Simulate(command) => command.run(),
+            Command::Identify(command) => command.run(),
+            Command::Montecarlo(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),
@@ -118,6 +137,7 @@ impl Command {
 /// scripts can tell it from bad input.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    trace();
     let code = match std::panic::catch_unwind(|| cli.command.run()) {
         Ok(Ok(outcome)) => outcome.exit_code(),
         Ok(Err(error)) => {
@@ -130,6 +150,22 @@ pub fn main() -> ExitCode {
         }
     };
     ExitCode::from(code)
+}
+
+/// Shows on standard error what `RUST_LOG` asks for, such as `debug` or
+/// `coaxdesign::cli::trim=debug`; nothing without it.
+fn trace() {
+    use tracing_subscriber::EnvFilter;
+    if std::env::var_os("RUST_LOG").is_none_or(|value| value.is_empty()) {
+        return;
+    }
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    // A second subscriber in one process is refused, and the first stays.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .with_ansi(!plain && std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .try_init();
 }
 
 #[cfg(test)]

@@ -52,8 +52,7 @@ impl WholeFile {
                 return Err(fault(ErrorKind::IsADirectory.into()));
             }
             if !there.is_file() {
-                let device =
-                    std::fs::OpenOptions::new().write(true).open(path).map_err(fault)?;
+                let device = std::fs::OpenOptions::new().write(true).open(path).map_err(fault)?;
                 let sink = Sink::Device(BufWriter::new(device));
                 return Ok(Self { path: path.into(), target, overwrite, sink });
             }
@@ -108,7 +107,10 @@ impl WholeFile {
             file.persist_noclobber(&target)
         };
         match persisted {
-            Ok(_) => Ok(()),
+            Ok(_) => {
+                tracing::info!(path = %path.display(), "written");
+                Ok(())
+            }
             Err(error) if error.error.kind() == ErrorKind::AlreadyExists => {
                 Err(CliError::Exists { path })
             }
