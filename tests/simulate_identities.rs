@@ -74,12 +74,10 @@ fn trimmed_flight_stays_on_its_orbit() {
 #[test]
 fn halving_the_step_converges() {
     let maneuver = doublet("");
-    let at = |steps_per_revolution| {
-        flown(&maneuver, &Options { steps_per_revolution, ..options() }).0
-    };
+    let at =
+        |steps_per_revolution| flown(&maneuver, &Options { steps_per_revolution, ..options() }).0;
     let (coarse, middle, fine) = (at(36), at(72), at(288));
-    let (first, second) =
-        (largest_difference(&coarse, &fine), largest_difference(&middle, &fine));
+    let (first, second) = (largest_difference(&coarse, &fine), largest_difference(&middle, &fine));
     assert!(first < 1e-3, "{first}");
     assert!(second < 0.3 * first, "{first} {second}");
 }
@@ -146,7 +144,9 @@ fn delay_is_the_one_asked_for() {
 /// when, and never shows a value that is not finite.
 #[test]
 fn departures_are_named() {
-    let hard = doublet("[inputs.c]\nstick = \"lon\"\nshape = \"step\"\nstart = \"0.2 s\"\namplitude = \"60 %\"\n");
+    let hard = doublet(
+        "[inputs.c]\nstick = \"lon\"\nshape = \"step\"\nstart = \"0.2 s\"\namplitude = \"60 %\"\n",
+    );
     let long = Maneuver { duration: 60.0, ..hard.clone() };
     let mut flight = Flight::new(&VEHICLE, &CRUISE, None, &long, &options()).unwrap();
     let status = flight.fly(|flight| {

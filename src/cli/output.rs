@@ -52,8 +52,7 @@ impl WholeFile {
                 return Err(fault(ErrorKind::IsADirectory.into()));
             }
             if !there.is_file() {
-                let device =
-                    std::fs::OpenOptions::new().write(true).open(path).map_err(fault)?;
+                let device = std::fs::OpenOptions::new().write(true).open(path).map_err(fault)?;
                 let sink = Sink::Device(BufWriter::new(device));
                 return Ok(Self { path: path.into(), target, overwrite, sink });
             }

@@ -271,11 +271,9 @@ const PROFILE_DOC: &str = "Values at times, joined by straight lines with rounde
 
 static SPEED_KEYS: [Key; 3] = profile_keys(Kind::Airspeed, SPEEDS);
 static SPEED: Table = Table { doc: PROFILE_DOC, keys: &SPEED_KEYS, alternatives: &[] };
-static CLIMB_KEYS: [Key; 3] =
-    profile_keys(Kind::ClimbRate, from_to("-6000 ft/min", "6000 ft/min"));
+static CLIMB_KEYS: [Key; 3] = profile_keys(Kind::ClimbRate, from_to("-6000 ft/min", "6000 ft/min"));
 static CLIMB: Table = Table { doc: PROFILE_DOC, keys: &CLIMB_KEYS, alternatives: &[] };
-static TURN_KEYS: [Key; 3] =
-    profile_keys(Kind::AngularRate, from_to("-90 deg/s", "90 deg/s"));
+static TURN_KEYS: [Key; 3] = profile_keys(Kind::AngularRate, from_to("-90 deg/s", "90 deg/s"));
 static TURN: Table = Table { doc: PROFILE_DOC, keys: &TURN_KEYS, alternatives: &[] };
 static ANGLE_KEYS: [Key; 3] = profile_keys(Kind::Angle, from_to("-60 deg", "60 deg"));
 static ANGLE: Table = Table { doc: PROFILE_DOC, keys: &ANGLE_KEYS, alternatives: &[] };
@@ -686,8 +684,7 @@ fn build(root: &CheckedTable, reader: &mut Reader) -> Option<Maneuver> {
             );
         }
     }
-    let velocity =
-        ["forward_velocity", "right_velocity"].map(|key| profile(commands, key, reader));
+    let velocity = ["forward_velocity", "right_velocity"].map(|key| profile(commands, key, reader));
     let attitude = ["roll", "pitch"].map(|key| profile(commands, key, reader));
     let climb_rate = profile(commands, "climb_rate", reader);
     let turn_rate = profile(commands, "turn_rate", reader);
@@ -812,7 +809,8 @@ mod tests {
     /// same ground as its straight line.
     #[test]
     fn profiles_are_smooth_and_meet_their_values() {
-        let p = Profile { times: vec![4.0, 27.0, 30.0], values: vec![0.0, 40.0, 10.0], rounding: 2.0 };
+        let p =
+            Profile { times: vec![4.0, 27.0, 30.0], values: vec![0.0, 40.0, 10.0], rounding: 2.0 };
         for (t, v) in p.times.iter().zip(&p.values) {
             assert_relative_eq!(p.at(*t), *v, epsilon = 1e-12);
         }

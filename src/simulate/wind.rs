@@ -271,12 +271,8 @@ mod tests {
     /// A gust from starboard meets the aircraft from starboard on any heading.
     #[test]
     fn gusts_turn_with_the_heading() {
-        let gust = Gust {
-            time: 0.0,
-            length: 1.0,
-            velocity: [0.0, 4.0, 0.0],
-            shape: GustShape::Hold,
-        };
+        let gust =
+            Gust { time: 0.0, length: 1.0, velocity: [0.0, 4.0, 0.0], shape: GustShape::Hold };
         let weather = Weather { gusts: vec![gust], ..Weather::default() };
         let mut air = Air::new(weather, 0, 0.0);
         let east = std::f64::consts::FRAC_PI_2;
