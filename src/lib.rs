@@ -10,11 +10,13 @@
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
+//! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
 
 pub mod cli;
 pub mod control;
+pub mod export;
 pub mod linear;
 pub mod numerics;
 pub mod problem;

@@ -9,6 +9,8 @@ mod bode;
 mod check;
 mod completions;
 mod error;
+mod export;
+mod import;
 mod linearize;
 mod man;
 mod models;
@@ -55,6 +57,10 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Write a gain schedule in the form of another program
+    Export(export::Export),
+    /// Read a gain schedule of another program, or written by hand
+    Import(import::Import),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -65,7 +71,7 @@ pub enum Command {
     Validate(validate::Validate),
     /// Check a problem file and show what was understood
     Check(check::Check),
-    /// Write the JSON Schema of problem files, for editors
+    /// Write the JSON Schema of problem files or of results, for editors and other programs
     Schema(schema::Schema),
     /// Write a commented problem file to start from
     New(new::New),
@@ -81,6 +87,8 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Export(command) => command.run(),
+            Command::Import(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

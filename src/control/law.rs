@@ -179,7 +179,7 @@ pub enum Horizontal {
 }
 
 /// Largest attitudes that the outer loop may command, rad.
-const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
+pub const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
 
 /// A reference: value and derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,0 +1,304 @@
+/*
+ * Control law: see @P@_law.h for what it is, its units and its rules.
+@WARNINGS@ */
+#include "@P@_law.h"
+
+#include <math.h>
+
+typedef @P@_real real;
+
+#define ROLL (0u)
+#define PITCH (1u)
+#define YAW (2u)
+#define HEAVE (3u)
+
+/* Columns of gains, and rows of the outer loops. */
+#define K_D (0u)
+#define K_P (1u)
+#define K_I (2u)
+#define VX (4u)
+#define VY (5u)
+
+/* Parts of a reference. */
+#define VALUE (0u)
+#define RATE (1u)
+#define ACCELERATION (2u)
+
+static const real STEP = @STEP@;
+@CONSTANTS@
+/* Lower and upper limits of lat, lon, col, ped, percent. */
+static const real LIMITS[4][2] = {
+@LIMITS@};
+
+/* The stick whose loop each axis closes. */
+static const unsigned int EFFECTOR[4] = { @U@_LAT, @U@_LON, @U@_PED, @U@_COL };
+
+/* True airspeed of the breakpoints, m/s. */
+static const real SPEEDS[@U@_BREAKPOINTS] = {
+@SPEEDS@};
+
+static const real TABLE[@U@_BREAKPOINTS][@U@_VALUES] = {
+@TABLE@};
+
+static real held(real x, real low, real high)
+{
+    return (x < low) ? low : ((x > high) ? high : x);
+}
+
+/* Sum of count products. */
+static real dot(const real *row, const real *x, unsigned int count)
+{
+    real sum = row[0] * x[0];
+    for (unsigned int j = 1u; j < count; j++) {
+        sum += row[j] * x[j];
+    }
+    return sum;
+}
+
+static unsigned int all_finite(const real *x, unsigned int count)
+{
+    unsigned int finite = 1u;
+    for (unsigned int j = 0u; j < count; j++) {
+        if (!isfinite(x[j])) {
+            finite = 0u;
+        }
+    }
+    return finite;
+}
+
+void @P@_at(@P@_real airspeed, @P@_real values[@U@_VALUES])
+{
+    /* Breakpoints at or below the speed. */
+    unsigned int k = 0u;
+    while ((k < @U@_BREAKPOINTS) && (SPEEDS[k] <= airspeed)) {
+        k++;
+    }
+    const unsigned int low = (k == 0u) ? 0u : (k - 1u);
+    const unsigned int high = (k == @U@_BREAKPOINTS) ? low : k;
+    const real gap = SPEEDS[high] - SPEEDS[low];
+    const real t = (gap > @ZERO@) ? ((airspeed - SPEEDS[low]) / gap) : @ZERO@;
+    const real s = @ONE@ - t;
+    for (unsigned int i = 0u; i < @U@_VALUES; i++) {
+        values[i] = (s * TABLE[low][i]) + (t * TABLE[high][i]);
+    }
+}
+
+@P@_real @P@_turn_blend(@P@_real airspeed)
+{
+    const real t = held(((airspeed - TURN_SPEED) / TURN_WIDTH) + @HALF@, @ZERO@, @ONE@);
+    return t * t * (@THREE@ - (@TWO@ * t));
+}
+
+void @P@_reset(@P@_state *state)
+{
+    for (unsigned int i = 0u; i < 4u; i++) {
+        for (unsigned int j = 0u; j < 3u; j++) {
+            state->reference[i][j] = @ZERO@;
+        }
+        for (unsigned int k = 0u; k <= @U@_DELAY; k++) {
+            state->history[k][i][VALUE] = @ZERO@;
+            state->history[k][i][RATE] = @ZERO@;
+        }
+        state->integral[i] = @ZERO@;
+        state->sticks[i] = held(TABLE[0][@U@_TRIM_STICKS + i], LIMITS[i][0], LIMITS[i][1]);
+    }
+    for (unsigned int i = 0u; i < 2u; i++) {
+        state->velocity_integral[i] = @ZERO@;
+        state->model[i] = @ZERO@;
+        state->trim_velocity[i] = @ZERO@;
+    }
+    state->newest = 0u;
+    state->started = 0u;
+}
+
+/* Starts from a measurement without a transient. */
+static void start(@P@_state *state, const @P@_measurement *m, const real *p, real vertical)
+{
+    const real now[4] = { m->roll, m->pitch, m->rates[2], vertical };
+    @P@_reset(state);
+    for (unsigned int i = 0u; i < 4u; i++) {
+        state->reference[i][VALUE] = now[i];
+        for (unsigned int k = 0u; k <= @U@_DELAY; k++) {
+            state->history[k][i][VALUE] = now[i];
+        }
+    }
+    for (unsigned int i = 0u; i < 2u; i++) {
+        state->trim_velocity[i] = p[@U@_TRIM_VELOCITY + i];
+        state->model[i] = m->velocity_body[i] - p[@U@_TRIM_VELOCITY + i];
+    }
+    state->started = 1u;
+}
+
+/* Second-order command model of an attitude. */
+static void attitude_model(real reference[3], real command, real omega)
+{
+    reference[ACCELERATION] = (omega * omega * (command - reference[VALUE]))
+        - (@TWO@ * ATTITUDE_DAMPING * omega * reference[RATE]);
+    reference[RATE] += STEP * reference[ACCELERATION];
+    reference[VALUE] += STEP * reference[RATE];
+}
+
+/* First-order command model of a rate or a velocity. */
+static void lag_model(real reference[3], real command, real time_constant)
+{
+    reference[RATE] = (command - reference[VALUE]) / time_constant;
+    reference[VALUE] += STEP * reference[RATE];
+}
+
+/* Translational rate command: attitudes from errors of ground velocity,
+ * forward and to the right. */
+static void velocity_loops(@P@_state *state, const real *p, const real errors[2], real command[2])
+{
+    static const unsigned int ROWS[2] = { VX, VY };
+    real limited[2];
+    for (unsigned int k = 0u; k < 2u; k++) {
+        const real *gains = &p[@U@_GAINS + (3u * ROWS[k])];
+        const real raw = ((gains[K_P] * errors[k]) + (gains[K_I] * state->velocity_integral[k]))
+            / GRAVITY;
+        const real size = (raw < @ZERO@) ? -raw : raw;
+        /* Anti-windup: hold while the attitude limit is reached. */
+        if (!((size > ATTITUDE_LIMIT) && ((raw * errors[k]) > @ZERO@))) {
+            state->velocity_integral[k] += STEP * errors[k];
+        }
+        limited[k] = held(raw, -ATTITUDE_LIMIT, ATTITUDE_LIMIT);
+    }
+    command[ROLL] = p[@U@_TRIM_ATTITUDE + ROLL] + limited[1];
+    command[PITCH] = p[@U@_TRIM_ATTITUDE + PITCH] - limited[0];
+}
+
+static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *demand)
+{
+    real p[@U@_VALUES];
+    const real sp = @SIN@(m->roll);
+    const real cp = @COS@(m->roll);
+    const real st = @SIN@(m->pitch);
+    const real ct = @COS@(m->pitch);
+    const real u = m->velocity_body[0];
+    const real v = m->velocity_body[1];
+    const real w = m->velocity_body[2];
+    const real vertical = (-u * st) + (((v * sp) + (w * cp)) * ct);
+    const real forward = (u * ct) + (((v * sp) + (w * cp)) * st);
+    const real right = (v * cp) - (w * sp);
+
+    @P@_at(m->airspeed, p);
+    const real *trim_velocity = &p[@U@_TRIM_VELOCITY];
+    const real trim_roll = p[@U@_TRIM_ATTITUDE + ROLL];
+    const real trim_pitch = p[@U@_TRIM_ATTITUDE + PITCH];
+    if (state->started == 0u) {
+        start(state, m, p, vertical);
+    }
+
+    /* Outer loops and turn coordination. */
+    real command[2] = { demand->horizontal[0], demand->horizontal[1] };
+    if (demand->mode == @U@_VELOCITY) {
+        const real off[2] = { demand->horizontal[0] - forward, demand->horizontal[1] - right };
+        velocity_loops(state, p, off, command);
+    }
+    const real blend = @P@_turn_blend(m->airspeed);
+    const real coordinated = @ATAN@(m->airspeed * demand->heading_rate / GRAVITY);
+    const real roll_command
+        = ((@ONE@ - blend) * command[ROLL]) + (blend * (trim_roll + coordinated));
+    /* Heading rate to body yaw rate, at the attitude flown. */
+    const real yaw_command = demand->heading_rate * cp * ct;
+
+    /* Command models, and their past. */
+    attitude_model(state->reference[ROLL], roll_command, ROLL_FREQUENCY);
+    attitude_model(state->reference[PITCH], command[PITCH], PITCH_FREQUENCY);
+    lag_model(state->reference[YAW], yaw_command, YAW_TIME_CONSTANT);
+    lag_model(state->reference[HEAVE], demand->vertical_velocity, HEAVE_TIME_CONSTANT);
+    state->newest = (state->newest == @U@_DELAY) ? 0u : (state->newest + 1u);
+    for (unsigned int i = 0u; i < 4u; i++) {
+        state->history[state->newest][i][VALUE] = state->reference[i][VALUE];
+        state->history[state->newest][i][RATE] = state->reference[i][RATE];
+    }
+    const unsigned int oldest = (state->newest == @U@_DELAY) ? 0u : (state->newest + 1u);
+
+    /* Accelerations wanted of the outputs phi, theta, r, V_z. */
+    const real feed[4] = { state->reference[ROLL][ACCELERATION],
+        state->reference[PITCH][ACCELERATION], state->reference[YAW][RATE],
+        state->reference[HEAVE][RATE] };
+    const real measured[4] = { m->roll, m->pitch, m->rates[2], vertical };
+    const real measured_rate[2]
+        = { m->rates[0] + (st / ct * ((m->rates[1] * sp) + (m->rates[2] * cp))),
+              (m->rates[1] * cp) - (m->rates[2] * sp) };
+    real errors[4];
+    real acceleration[4];
+    for (unsigned int i = 0u; i < 4u; i++) {
+        const real *gains = &p[@U@_GAINS + (3u * i)];
+        errors[i] = state->history[oldest][i][VALUE] - measured[i];
+        acceleration[i] = feed[i] + ((gains[K_P] * errors[i]) + (gains[K_I] * state->integral[i]));
+        if (i < 2u) {
+            acceleration[i]
+                += gains[K_D] * (state->history[oldest][i][RATE] - measured_rate[i]);
+        }
+    }
+
+    /* What the aircraft does by itself at this deviation from trim. */
+    const real x[8] = { u - trim_velocity[0], v - trim_velocity[1], w - trim_velocity[2],
+        m->rates[0], m->rates[1], m->rates[2], m->roll - trim_roll, m->pitch - trim_pitch };
+    for (unsigned int i = 0u; i < 4u; i++) {
+        const real *row = &p[@U@_FEEDBACK + (8u * i)];
+        real sum = row[0] * KAPPA * x[0];
+        for (unsigned int j = 1u; j < 8u; j++) {
+            sum += ((j < 3u) ? (row[j] * KAPPA) : row[j]) * x[j];
+        }
+        acceleration[i] -= sum;
+    }
+
+    /* The reference model's deviation is from the trim at the scheduled speed:
+     * when that moves, the deviation moves the other way. */
+    for (unsigned int k = 0u; k < 2u; k++) {
+        state->model[k] -= trim_velocity[k] - state->trim_velocity[k];
+        state->trim_velocity[k] = trim_velocity[k];
+    }
+    const real rho[6] = { state->reference[ROLL][VALUE] - trim_roll,
+        state->reference[PITCH][VALUE] - trim_pitch, state->reference[ROLL][RATE],
+        state->reference[PITCH][RATE], state->reference[YAW][VALUE],
+        state->reference[HEAVE][VALUE] };
+    real ideal[8];
+    for (unsigned int i = 0u; i < 8u; i++) {
+        ideal[i] = dot(&p[@U@_REFERENCE_STATE + (2u * i)], state->model, 2u)
+            + dot(&p[@U@_REFERENCE_INPUT + (6u * i)], rho, 6u);
+    }
+@HYBRID@    for (unsigned int k = 0u; k < 2u; k++) {
+        state->model[k] += STEP
+            * (dot(&p[@U@_REFERENCE_DYNAMICS + (8u * k)], ideal, 8u)
+                + dot(&p[@U@_REFERENCE_DRIVE + (4u * k)], feed, 4u));
+    }
+
+    /* Inversion and limits. */
+    real wanted[4];
+    for (unsigned int j = 0u; j < 4u; j++) {
+        wanted[j] = p[@U@_TRIM_STICKS + j]
+            + dot(&p[@U@_DECOUPLING + (4u * j)], acceleration, 4u);
+        state->sticks[j] = held(wanted[j], LIMITS[j][0], LIMITS[j][1]);
+    }
+    /* Anti-windup: an axis's integral holds while its own effector is at a
+     * limit and the error would push it further. */
+    for (unsigned int i = 0u; i < 4u; i++) {
+        const unsigned int e = EFFECTOR[i];
+        const real push = p[@U@_DECOUPLING + (4u * e) + i] * errors[i];
+        if (!(((wanted[e] > LIMITS[e][1]) && (push > @ZERO@))
+                || ((wanted[e] < LIMITS[e][0]) && (push < @ZERO@)))) {
+            state->integral[i] += STEP * errors[i];
+        }
+    }
+}
+
+@P@_status @P@_step(@P@_state *state, const @P@_measurement *measurement,
+    const @P@_demand *demand, @P@_real sticks[4])
+{
+    @P@_status status = @U@_BAD_INPUT;
+    const real other[7] = { measurement->roll, measurement->pitch, measurement->airspeed,
+        demand->horizontal[0], demand->horizontal[1], demand->heading_rate,
+        demand->vertical_velocity };
+    if ((all_finite(measurement->velocity_body, 3u) != 0u)
+        && (all_finite(measurement->rates, 3u) != 0u) && (all_finite(other, 7u) != 0u)) {
+        run(state, measurement, demand);
+        status = @U@_OK;
+    }
+    for (unsigned int j = 0u; j < 4u; j++) {
+        sticks[j] = state->sticks[j];
+    }
+    return status;
+}
