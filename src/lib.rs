@@ -10,6 +10,7 @@
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
+//! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
@@ -22,6 +23,7 @@ pub mod numerics;
 pub mod problem;
 pub mod report;
 pub mod schedule;
+pub mod simulate;
 pub mod trim;
 pub mod units;
 pub mod vehicle;

@@ -85,6 +85,8 @@ pub struct Matrices {
     pub feedback: Vec<Vec<f64>>,
     /// B_d⁻¹, 4 × 4.
     pub decoupling: Vec<Vec<f64>>,
+    /// M, 4 × 4: what feedback goes through.
+    pub allocation: Vec<Vec<f64>>,
     /// Ground velocity in heading axes, 2 × 8.
     pub ground_velocity: Vec<Vec<f64>>,
     /// Reference model: x_ref from its states, 8 × 2.
@@ -172,6 +174,7 @@ impl Schedule {
                         output_rates: rows(&i.rates),
                         feedback: rows(&i.feedback),
                         decoupling: rows(&i.decoupling),
+                        allocation: rows(&i.allocation),
                         ground_velocity: rows(&i.ground_velocity),
                         reference_state: rows(&i.reference.state),
                         reference_input: rows(&i.reference.input),
@@ -221,6 +224,7 @@ impl Schedule {
                     rates: matrix("output_rates", v, &m.output_rates)?,
                     feedback: matrix("feedback", v, &m.feedback)?,
                     decoupling: matrix("decoupling", v, &m.decoupling)?,
+                    allocation: matrix("allocation", v, &m.allocation)?,
                     ground_velocity: matrix("ground_velocity", v, &m.ground_velocity)?,
                     reference: ReferenceModel {
                         state: matrix("reference_state", v, &m.reference_state)?,
@@ -276,14 +280,15 @@ pub fn units() -> BTreeMap<String, String> {
 }
 
 /// Units of the quantities in a schedule.
-const UNITS: [(&str, &str); 9] = [
+const UNITS: [(&str, &str); 10] = [
     ("speed", "m/s, true airspeed"),
     ("x", "u v w in m/s, p q r in rad/s, phi theta in rad; deviations from trim"),
     ("sticks", "lat lon col ped in %"),
     ("roll, pitch gains", "k_d 1/s, k_p 1/s^2, k_i 1/s^3"),
     ("yaw, heave, vx, vy gains", "k_p 1/s, k_i 1/s^2"),
     ("nu", "phi'' theta'' r' in rad/s^2, V_z' in m/s^2, V_z positive down"),
-    ("decoupling", "% per unit of nu"),
+    ("decoupling", "% per unit of commanded nu"),
+    ("allocation", "% per unit of the nu that feedback asks for"),
     ("frequencies", "rad/s"),
     ("delays, time constants", "s"),
 ];

@@ -162,3 +162,74 @@ fn robust_tuning_meets_off_nominal_margins() {
         assert!(r.passed, "{} {} at {:.1} m/s: {:?}", r.axis, r.model, r.speed_m_s, r.missed);
     }
 }
+
+/// A loop whose speed range holds none of the speeds is left open, and that is
+/// all: it used to make an empty conic program.
+#[test]
+fn regress_loop_outside_its_speed_range_is_left_open() {
+    let spec = with(|s| s.channels.retain(|c| c.channel != Channel::Vx));
+    let (nodes, _) = sets(&[40.0]);
+    let d = design(&spec, &nodes, &[], &[]).unwrap();
+    let gains = d.table.points()[0].gains;
+    assert_eq!(gains[Channel::Vy.index()], Default::default());
+    assert_ne!(gains[Channel::Roll.index()], Default::default());
+}
+
+/// Prices come from the duals; solving again with the target tightened gives
+/// the same change of activity, to first order.
+#[test]
+fn prices_from_the_duals_agree_with_solving_again() {
+    use coaxdesign::control::loops::Cut;
+    use coaxdesign::control::loops::LoopModel;
+    use coaxdesign::control::metrics::{self, Sampled};
+    use coaxdesign::control::tuning::{Price, Target, TuningProblem, default_grid};
+    let base = with(|s| {
+        inner_only(s);
+        s.solver.grid = default_grid(0.002, 60.0, 900);
+        s.channels.retain(|c| c.channel == Channel::Roll || c.channel == Channel::Pitch);
+    });
+    let (nodes, _) = sets(&[0.0]);
+    let lag = lag_laws(&base, &nodes).unwrap();
+    let settings = coaxdesign::control::design::settings(&base, &lag);
+    // Roll alone is tuned again, so that its own price is what changes.
+    let activity = |phase: f64, drb: f64| -> (f64, Vec<Price>) {
+        let mut spec = base.channels[0].tuned();
+        spec.nominal.phase = phase;
+        spec.nominal.drb = Some(drb);
+        let problem = TuningProblem {
+            set: &nodes,
+            between: Vec::new(),
+            hardware: base.hardware,
+            settings,
+            channels: vec![(Channel::Roll, spec)],
+            options: base.solver.clone(),
+        };
+        let t = problem.tune(None).unwrap();
+        let worst = t.merits[0].1.worst();
+        assert!(worst < 1e-3, "the targets must be met for a price: {worst}");
+        let grid = default_grid(0.002, 60.0, 900).into();
+        let plant = &nodes.plants[0][0];
+        let model =
+            LoopModel::new(plant, &t.inversions[0], &settings, base.hardware, 0.0, grid).unwrap();
+        let l = model.channel(&t.gains[0], Channel::Roll, &[Cut::Effector]);
+        let u = l.activity_curve(&t.gains[0][0].values(Channel::Roll));
+        (metrics::activity(Sampled::new(&l.omega, &u), metrics::ACTIVITY_BAND), t.prices)
+    };
+    let (phase, drb) = (44f64.to_radians(), 0.68);
+    let (here, prices) = activity(phase, drb);
+    let price = |t: Target| prices.iter().find(|p| p.target == t).unwrap().percent;
+    let degree = 1f64.to_radians();
+    // Central differences: half a degree and 1 % either way.
+    let again =
+        |a: (f64, f64), b: (f64, f64)| 100.0 * (activity(b.0, b.1).0 - activity(a.0, a.1).0) / here;
+    let by_phase = again((phase - 0.5 * degree, drb), (phase + 0.5 * degree, drb));
+    let by_drb = again((phase, 0.99 * drb), (phase, 1.01 * drb));
+    for (name, dual, solved) in [
+        ("1 deg of phase margin", price(Target::PhaseMargin), by_phase),
+        ("2 % of DRB", price(Target::Drb), by_drb),
+    ] {
+        println!("{name}: {dual:.3} % from the duals, {solved:.3} % by solving again");
+        assert!((dual - solved).abs() < 0.15 + 0.15 * solved.abs(), "{name}: {dual} {solved}");
+    }
+    assert!(by_drb > 0.2, "the DRB must bind for this test to say anything: {by_drb}");
+}

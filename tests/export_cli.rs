@@ -38,9 +38,7 @@ fn design(met: bool) -> tempfile::TempDir {
 
 fn names(directory: PathBuf) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(directory)
-        .map(|list| {
-            list.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
-        })
+        .map(|list| list.map(|e| e.unwrap().file_name().into_string().unwrap()).collect())
         .unwrap_or_default();
     names.sort();
     names
@@ -80,9 +78,8 @@ fn every_format_writes_its_files_and_only_those() {
         told.sort();
         assert_eq!(files, told, "{form}");
         for file in &files {
-            let read = |n: u8| {
-                std::fs::read(home.path().join(format!("{form}{n}")).join(file)).unwrap()
-            };
+            let read =
+                |n: u8| std::fs::read(home.path().join(format!("{form}{n}")).join(file)).unwrap();
             assert_eq!(read(1), read(2), "{form}: {file}");
             let text = String::from_utf8_lossy(&read(1)).into_owned();
             assert!(!text.contains("WARNING"), "{form}: {file}");
@@ -90,13 +87,10 @@ fn every_format_writes_its_files_and_only_those() {
         if form != "vectors" {
             let whole: Vec<u8> = files
                 .iter()
-                .flat_map(|f| {
-                    std::fs::read(home.path().join(format!("{form}1")).join(f)).unwrap()
-                })
+                .flat_map(|f| std::fs::read(home.path().join(format!("{form}1")).join(f)).unwrap())
                 .collect();
             // Texts in MAT files are of 16 bit.
-            let text: String =
-                whole.iter().filter(|b| **b != 0).map(|b| char::from(*b)).collect();
+            let text: String = whole.iter().filter(|b| **b != 0).map(|b| char::from(*b)).collect();
             let hash = &sample::schedule().provenance.problem_hash;
             assert!(text.contains(hash.as_str()), "{form} does not say where it came from");
         }
@@ -122,8 +116,7 @@ fn unmet_requirements_are_refused_or_said() {
         }
         for file in names(home.path().join(form)) {
             let bytes = std::fs::read(home.path().join(form).join(&file)).unwrap();
-            let text: String =
-                bytes.iter().filter(|b| **b != 0).map(|b| char::from(*b)).collect();
+            let text: String = bytes.iter().filter(|b| **b != 0).map(|b| char::from(*b)).collect();
             let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
             assert!(words.contains("not known to meet its requirements"), "{form}: {file}");
         }
@@ -216,8 +209,7 @@ fn exports_are_imported_and_used_like_our_own() {
             &format!("export {form}_back --to vectors -o {form}_v --unverified"),
         );
         assert_eq!(code(&done), 0, "{}", err(&done));
-        let again =
-            std::fs::read(home.path().join(format!("{form}_v/sample_steps.csv"))).unwrap();
+        let again = std::fs::read(home.path().join(format!("{form}_v/sample_steps.csv"))).unwrap();
         assert_eq!(again, steps, "{form}");
     }
     let csv = "quantity,row,column,speed,unit,value\ngains,roll,k_p,20 kt,1/s^2,2.5\n";

@@ -235,7 +235,7 @@ pub(super) fn speed_text(knots: f64) -> String {
 }
 
 /// Unit of `over` per `under`, for people.
-fn quotient(over: Kind, under: Kind, system: System) -> String {
+pub(super) fn quotient(over: Kind, under: Kind, system: System) -> String {
     let bracketed = |kind: Kind| match kind.symbol(system) {
         "-" => "1".to_owned(),
         symbol if symbol.contains('/') => format!("({symbol})"),

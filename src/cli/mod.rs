@@ -7,9 +7,12 @@
 pub mod args;
 mod bode;
 mod check;
+mod compare;
 mod completions;
+mod design;
 mod error;
 mod export;
+mod fly;
 mod import;
 mod linearize;
 mod man;
@@ -17,11 +20,14 @@ mod models;
 mod modes;
 mod new;
 pub mod output;
+mod report;
 mod schema;
+mod simulate;
 pub(crate) mod trim;
 mod tune;
 mod validate;
 mod verify;
+mod version;
 
 use std::process::ExitCode;
 
@@ -40,7 +46,7 @@ Exit codes:
 
 /// From a description of a rotorcraft to a flyable gain schedule
 #[derive(Debug, Parser)]
-#[command(name = "coaxdesign", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "coaxdesign", version = version::LONG, after_help = EXIT_CODES, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -61,6 +67,14 @@ pub enum Command {
     Export(export::Export),
     /// Read a gain schedule of another program, or written by hand
     Import(import::Import),
+    /// Run the whole pipeline into a directory, changed stages only
+    Design(design::Design),
+    /// Write a design as one HTML page
+    Report(report::Report),
+    /// Problem files or designs side by side
+    Compare(compare::Compare),
+    /// Fly a manoeuvre with the full nonlinear vehicle
+    Simulate(simulate::Simulate),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -89,6 +103,10 @@ impl Command {
             Command::Verify(command) => command.run(),
             Command::Export(command) => command.run(),
             Command::Import(command) => command.run(),
+            Command::Design(command) => command.run(),
+            Command::Report(command) => command.run(),
+            Command::Compare(command) => command.run(),
+            Command::Simulate(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

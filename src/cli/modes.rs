@@ -456,6 +456,11 @@ fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
                 .collect(),
         })
         .collect();
+    plane(title, &sets)
+}
+
+/// Eigenvalues in the plane: all of them, and the slow ones larger.
+pub(super) fn plane(title: &str, sets: &[EigenvalueSet]) -> crate::report::plot::Figure {
     let values = || sets.iter().flat_map(|set| &set.values);
     let slow = || values().filter(|value| value.norm() < SLOW);
     let mut views = Vec::new();
@@ -472,5 +477,5 @@ fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
         imaginary: Some((-0.04 * top, 1.1 * top)),
     });
     // Inside, the legend would hide eigenvalues.
-    eigenvalue_figure(title, &sets, &views).legend(Legend::Above)
+    eigenvalue_figure(title, sets, &views).legend(Legend::Above)
 }

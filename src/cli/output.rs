@@ -1,6 +1,6 @@
 //! Writing results, whole or not at all.
 
-use std::io::{ErrorKind, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use super::CliError;
@@ -15,46 +15,104 @@ use super::CliError;
 /// # Errors
 /// [`CliError::Exists`] and [`CliError::Io`].
 pub fn write_whole(path: &Path, bytes: &[u8], overwrite: bool) -> Result<(), CliError> {
-    let fault = |source| CliError::Io { path: path.into(), source };
-    let mut target = path.to_path_buf();
-    if let Ok(there) = std::fs::metadata(path) {
-        if there.is_dir() {
-            return Err(fault(ErrorKind::IsADirectory.into()));
+    let mut file = WholeFile::create(path, overwrite)?;
+    file.write(bytes)?;
+    file.finish()
+}
+
+/// A file that is written bit by bit, but is there whole or not at all; see
+/// [`write_whole`].
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    target: PathBuf,
+    overwrite: bool,
+    sink: Sink,
+}
+
+/// Where the bytes go on the way.
+#[derive(Debug)]
+enum Sink {
+    /// A file that will take the name.
+    Temporary(BufWriter<tempfile::NamedTempFile>),
+    /// A device or a pipe: taking its name would destroy it.
+    Device(BufWriter<std::fs::File>),
+}
+
+impl WholeFile {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`] and [`CliError::Io`].
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self, CliError> {
+        let fault = |source| CliError::Io { path: path.into(), source };
+        let mut target = path.to_path_buf();
+        if let Ok(there) = std::fs::metadata(path) {
+            if there.is_dir() {
+                return Err(fault(ErrorKind::IsADirectory.into()));
+            }
+            if !there.is_file() {
+                let device = std::fs::OpenOptions::new().write(true).open(path).map_err(fault)?;
+                let sink = Sink::Device(BufWriter::new(device));
+                return Ok(Self { path: path.into(), target, overwrite, sink });
+            }
+            if !overwrite {
+                return Err(CliError::Exists { path: path.into() });
+            }
+            target = path.canonicalize().map_err(fault)?;
         }
-        if !there.is_file() {
-            // Taking the name of a device would destroy it.
-            return std::fs::write(path, bytes).map_err(fault);
-        }
-        if !overwrite {
-            return Err(CliError::Exists { path: path.into() });
-        }
-        target = path.canonicalize().map_err(fault)?;
+        let directory = match target.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".coaxdesign-");
+        // An ordinary new file, less what the process masks: a temporary one
+        // would be closed to everybody else.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(directory).map_err(fault)?;
+        let sink = Sink::Temporary(BufWriter::new(file));
+        Ok(Self { path: path.into(), target, overwrite, sink })
     }
-    let directory = match target.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".coaxdesign-");
-    // An ordinary new file, less what the process masks: a temporary one would
-    // be closed to everybody else.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(directory).map_err(fault)?;
-    file.write_all(bytes).map_err(fault)?;
-    file.as_file().sync_all().map_err(fault)?;
-    let persisted = if overwrite {
-        file.persist(&target)
-    } else {
-        // Refuses a file that came to be since the look above.
-        file.persist_noclobber(&target)
-    };
-    match persisted {
-        Ok(_) => Ok(()),
-        Err(error) if error.error.kind() == ErrorKind::AlreadyExists => {
-            Err(CliError::Exists { path: path.into() })
+
+    /// Adds bytes.
+    ///
+    /// # Errors
+    /// [`CliError::Io`].
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), CliError> {
+        match &mut self.sink {
+            Sink::Temporary(file) => file.write_all(bytes),
+            Sink::Device(file) => file.write_all(bytes),
         }
-        Err(error) => Err(fault(error.error)),
+        .map_err(|source| CliError::Io { path: self.path.clone(), source })
+    }
+
+    /// Lets the file take its name.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`] and [`CliError::Io`].
+    pub fn finish(self) -> Result<(), CliError> {
+        let Self { path, target, overwrite, sink } = self;
+        let fault = |source| CliError::Io { path: path.clone(), source };
+        let file = match sink {
+            Sink::Device(mut file) => return file.flush().map_err(fault),
+            Sink::Temporary(file) => file.into_inner().map_err(|e| fault(e.into_error()))?,
+        };
+        file.as_file().sync_all().map_err(fault)?;
+        let persisted = if overwrite {
+            file.persist(&target)
+        } else {
+            // Refuses a file that came to be since the look above.
+            file.persist_noclobber(&target)
+        };
+        match persisted {
+            Ok(_) => Ok(()),
+            Err(error) if error.error.kind() == ErrorKind::AlreadyExists => {
+                Err(CliError::Exists { path })
+            }
+            Err(error) => Err(fault(error.error)),
+        }
     }
 }
 

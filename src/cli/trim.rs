@@ -332,9 +332,9 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         text.push('\n');
         text += &table.to_text(Coloring::for_stdout());
     }
-    if let Some(published) = published(problem, sweeps, system) {
+    if let Some(found) = published(problem, sweeps) {
         text.push('\n');
-        text += &published.to_text(Coloring::for_stdout());
+        text += &published_table(&found, system).to_text(Coloring::for_stdout());
     }
     text.push_str(
         "\nThrust is along the shaft, mean over the orbit; margin is the least distance to a \
@@ -343,11 +343,59 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
     text
 }
 
+/// A hover value of a rotor beside the published one, SI.
+pub(super) struct Published {
+    /// Whether rotors interfere.
+    pub interactions: bool,
+    /// Rotor.
+    pub rotor: String,
+    /// Symbol.
+    pub quantity: &'static str,
+    /// What it measures.
+    pub kind: Kind,
+    /// Here.
+    pub ours: f64,
+    /// In the paper's Table 2.
+    pub printed: f64,
+}
+
 /// Hover beside the published values, for the aircraft they belong to.
-fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+pub(super) fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> Option<Vec<Published>> {
     if !problem.name.to_lowercase().replace([' ', '-', '_'], "").contains("coax2d") {
         return None;
     }
+    let mut found = Vec::new();
+    for point in sweeps.iter().filter_map(|points| {
+        points
+            .iter()
+            .find(|point| point.condition == FlightCondition::level(0.0) && point.on_orbit())
+    }) {
+        let reference = if point.interactions { &HOVER_ON } else { &HOVER_OFF };
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let Some(theirs) = reference.iter().find(|r| r.name == rotor.name) else { continue };
+            for (quantity, kind, ours, printed) in [
+                ("T", Kind::Force, mean.thrust, theirs.thrust),
+                ("P", Kind::Power, mean.power, theirs.power),
+                ("λ0", Kind::Dimensionless, mean.inflow[0], theirs.inflow),
+                ("λs0", Kind::Dimensionless, mean.self_inflow[0], theirs.self_inflow),
+                ("CT", Kind::Dimensionless, mean.thrust_coefficient, theirs.thrust_coefficient),
+            ] {
+                found.push(Published {
+                    interactions: point.interactions,
+                    rotor: rotor.name.clone(),
+                    quantity,
+                    kind,
+                    ours,
+                    printed,
+                });
+            }
+        }
+    }
+    (!found.is_empty()).then_some(found)
+}
+
+/// The published values as a table, a line each.
+fn published_table(found: &[Published], system: System) -> Table {
     let mut table = Table::new(
         "hover beside the published Table 2",
         vec![
@@ -360,44 +408,28 @@ fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Op
             Column::number("ratio", "", Digits::Decimals(3)),
         ],
     );
-    for point in sweeps.iter().filter_map(|points| {
-        points
-            .iter()
-            .find(|point| point.condition == FlightCondition::level(0.0) && point.on_orbit())
-    }) {
-        let reference = if point.interactions { &HOVER_ON } else { &HOVER_OFF };
-        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
-            let Some(theirs) = reference.iter().find(|r| r.name == rotor.name) else { continue };
-            for (name, kind, ours, printed) in [
-                ("T", Kind::Force, mean.thrust, theirs.thrust),
-                ("P", Kind::Power, mean.power, theirs.power),
-                ("λ0", Kind::Dimensionless, mean.inflow[0], theirs.inflow),
-                ("λs0", Kind::Dimensionless, mean.self_inflow[0], theirs.self_inflow),
-                ("CT", Kind::Dimensionless, mean.thrust_coefficient, theirs.thrust_coefficient),
-            ] {
-                table.row([
-                    Cell::from(on_off(point.interactions)),
-                    Cell::from(rotor.name.as_str()),
-                    Cell::from(name),
-                    Cell::from(kind.symbol(system)),
-                    Cell::from(kind.from_si(ours, system)),
-                    Cell::from(kind.from_si(printed, system)),
-                    Cell::from(ours / printed),
-                ]);
-            }
-        }
+    for p in found {
+        table.row([
+            Cell::from(on_off(p.interactions)),
+            Cell::from(p.rotor.as_str()),
+            Cell::from(p.quantity),
+            Cell::from(p.kind.symbol(system)),
+            Cell::from(p.kind.from_si(p.ours, system)),
+            Cell::from(p.kind.from_si(p.printed, system)),
+            Cell::from(p.ours / p.printed),
+        ]);
     }
-    (!table.is_empty()).then_some(table)
+    table
 }
 
 /// Mean roll and pitch attitude, rad.
-fn attitude(point: &TrimPoint) -> [f64; 2] {
+pub(super) fn attitude(point: &TrimPoint) -> [f64; 2] {
     let body = crate::vehicle::Layout::BODY;
     [point.mean_state[body.roll], point.mean_state[body.pitch]]
 }
 
 /// The control nearest to a limit, and its distance as a fraction of travel.
-fn least_margin(point: &TrimPoint) -> Option<(&str, f64)> {
+pub(super) fn least_margin(point: &TrimPoint) -> Option<(&str, f64)> {
     point
         .margins
         .iter()
@@ -606,7 +638,8 @@ fn number(value: f64) -> String {
     output::significant(value, 12)
 }
 
-fn figure(
+/// The trim curves.
+pub(super) fn figure(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,
@@ -615,42 +648,51 @@ fn figure(
         .iter()
         .filter(|points| !points.is_empty())
         .map(|points| {
-            let good: Vec<&TrimPoint> = points.iter().filter(|p| p.on_orbit()).collect();
-            let channel = |name: &str, unit: &str, pick: &dyn Fn(&TrimPoint) -> f64| Channel {
-                name: name.into(),
-                unit: unit.into(),
-                values: good.iter().map(|point| pick(point)).collect(),
-            };
             let on = points[0].interactions;
-            TrimSweep {
-                name: format!("interactions {}", on_off(on)),
-                style: usize::from(!on),
-                marks: Marks::With,
-                speed: good
-                    .iter()
-                    .map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system))
-                    .collect(),
-                pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
-                roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
-                controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
-                power: channel("power", Kind::Power.symbol(system), &|p| {
-                    Kind::Power.from_si(p.power.shaft, system)
-                }),
-                thrust_share: problem
-                    .rotors
-                    .iter()
-                    .enumerate()
-                    .map(|(k, rotor)| {
-                        channel(&rotor.name, "%", &|p| {
-                            let total: f64 = p.rotors.iter().map(|r| r.thrust).sum();
-                            100.0 * p.rotors[k].thrust / total
-                        })
-                    })
-                    .collect(),
-            }
+            let name = format!("interactions {}", on_off(on));
+            curves(&name, usize::from(!on), problem, points, system)
         })
         .collect();
     trim_figure(&format!("{}: trim", problem.name), Kind::Airspeed.symbol(system), &data)
+}
+
+/// The curves of one sweep, of the points that are on their orbits.
+pub(super) fn curves(
+    name: &str,
+    style: usize,
+    problem: &Problem,
+    points: &[TrimPoint],
+    system: System,
+) -> TrimSweep {
+    let good: Vec<&TrimPoint> = points.iter().filter(|p| p.on_orbit()).collect();
+    let channel = |name: &str, unit: &str, pick: &dyn Fn(&TrimPoint) -> f64| Channel {
+        name: name.into(),
+        unit: unit.into(),
+        values: good.iter().map(|point| pick(point)).collect(),
+    };
+    TrimSweep {
+        name: name.into(),
+        style,
+        marks: Marks::With,
+        speed: good.iter().map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system)).collect(),
+        pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
+        roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
+        controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
+        power: channel("power", Kind::Power.symbol(system), &|p| {
+            Kind::Power.from_si(p.power.shaft, system)
+        }),
+        thrust_share: problem
+            .rotors
+            .iter()
+            .enumerate()
+            .map(|(k, rotor)| {
+                channel(&rotor.name, "%", &|p| {
+                    let total: f64 = p.rotors.iter().map(|r| r.thrust).sum();
+                    100.0 * p.rotors[k].thrust / total
+                })
+            })
+            .collect(),
+    }
 }
 
 /// Iterations of a point, for `--trace`.

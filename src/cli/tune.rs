@@ -8,12 +8,12 @@ use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
 use crate::control::axis::Channel;
 use crate::control::design::{Design, DesignError, design};
-use crate::control::explain::{Explanation, explain};
+use crate::control::explain::{Explanation, Target, explain};
 use crate::control::law::LawTable;
 use crate::control::models::{Built, LeftOut, ModelsError, build};
 use crate::control::plant::{ModelClass, ModelSet, Plant};
 use crate::control::spec::{self, Specification};
-use crate::control::tuning::TuningError;
+use crate::control::tuning::{Price, TuningError, TuningStats};
 use crate::control::verify::{
     Authority, BladeControl, Verification, VerifyError, authority, verify,
 };
@@ -22,6 +22,7 @@ use crate::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
     gain_schedule_figure, heatmap_figure, nyquist_figure, sensitivity_figure,
 };
+use crate::report::plot::Figure;
 use crate::report::progress::Progress;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::schedule::{Provenance, Schedule, hash};
@@ -49,7 +50,7 @@ pub struct Tune {
     /// Write the plots (SVG) to the output directory
     #[arg(long, requires = "output")]
     plot: bool,
-    /// Explain the hardest speed of every axis: attainable values, or prices
+    /// Show the price of every target at every speed, and explain the hardest speed of every axis
     #[arg(long)]
     explain: bool,
     #[command(flatten)]
@@ -95,6 +96,11 @@ pub struct SpecArgs {
 }
 
 impl SpecArgs {
+    /// A specification file, or the built-in one, with all its models.
+    pub(super) fn of(spec: Option<PathBuf>) -> Self {
+        Self { spec, nominal_only: false }
+    }
+
     /// Reads the specification; also its text, for the hash.
     pub(super) fn load(&self) -> Result<(Specification, String), CliError> {
         let (mut spec, text) = match &self.spec {
@@ -187,6 +193,53 @@ fn subset(set: &ModelSet, speeds: &[f64]) -> ModelSet {
     }
 }
 
+/// Models of a problem at all speeds and at the breakpoints, and the design.
+pub(super) struct Tuned {
+    pub(super) built: Built,
+    nodes: ModelSet,
+    pub(super) design: Design,
+}
+
+/// From a problem and a specification to a design.
+pub(super) fn tune(
+    problem: &Problem,
+    spec: &Specification,
+    only: &[Channel],
+    quiet: bool,
+) -> Result<Tuned, CliError> {
+    let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
+    let built = plants(problem, spec, &speeds, quiet)?;
+    let nodes = subset(&built.set, &spec.speeds);
+    if nodes.plants.is_empty() {
+        return Err(usage(
+            "no model trims at any speed of the schedule".into(),
+            "look at the trim by itself with `coaxdesign trim`",
+        ));
+    }
+    let progress = Progress::new("tuning", 1, quiet);
+    let between: Vec<Plant> = built
+        .set
+        .plants
+        .iter()
+        .map(|p| p[0].clone())
+        .filter(|p| nodes.plants.iter().all(|n| (n[0].speed - p.speed).abs() > 1e-6))
+        .collect();
+    let design = design(spec, &nodes, &between, only);
+    progress.finish();
+    let design = design.map_err(|error| match error {
+        DesignError::Tuning(TuningError::Unstabilisable { .. }) => usage(
+            error.to_string(),
+            "no gains of this law's structure were found to stabilise it: less delay, or another \
+             speed range",
+        ),
+        DesignError::NoChannel => {
+            usage(error.to_string(), "name axes that the specification has a table for")
+        }
+        other => usage(other.to_string(), "look at the models with `coaxdesign linearize`"),
+    })?;
+    Ok(Tuned { built, nodes, design })
+}
+
 impl Tune {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
@@ -202,37 +255,12 @@ impl Tune {
             }
         }
         let problem = &loaded.problem;
-        let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
-        let built = plants(problem, &spec, &speeds, self.run.quiet)?;
-        let set = &built.set;
-        let nodes = subset(set, &spec.speeds);
-        if nodes.plants.is_empty() {
-            return Err(usage(
-                "no model trims at any speed of the schedule".into(),
-                "look at the trim by itself with `coaxdesign trim`",
-            ));
-        }
-        let progress = Progress::new("tuning", 1, self.run.quiet);
         let only: Vec<Channel> = self.axes.iter().map(|a| a.channel()).collect();
-        let between: Vec<Plant> = set
-            .plants
-            .iter()
-            .map(|p| p[0].clone())
-            .filter(|p| nodes.plants.iter().all(|n| (n[0].speed - p.speed).abs() > 1e-6))
-            .collect();
-        let design = design(&spec, &nodes, &between, &only);
-        progress.finish();
-        let design = design.map_err(|error| match error {
-            DesignError::Tuning(TuningError::Unstabilisable { .. }) => usage(
-                error.to_string(),
-                "no gains of this law's structure were found to stabilise it: less delay, or \
-                 another speed range",
-            ),
-            DesignError::NoChannel => {
-                usage(error.to_string(), "name axes that the specification has a table for")
-            }
-            other => usage(other.to_string(), "look at the models with `coaxdesign linearize`"),
-        })?;
+        let Tuned { built, nodes, design } = tune(problem, &spec, &only, self.run.quiet)?;
+        let set = &built.set;
+        if !self.run.quiet {
+            eprintln!("{}", effort(&design.tuning.stats));
+        }
         let verification = verify(&design.table, set, &spec.hardware, &spec)
             .map_err(|error| verify_error(&error))?;
         let limits = problem.controls.stick_limits;
@@ -248,24 +276,27 @@ impl Tune {
         };
         let schedule =
             Schedule::new(&problem.name, &design.table, spec.hardware, limits, met, provenance);
+        let prices = &design.tuning.prices;
+        let json_text =
+            || verification_json(&verification, &checks, &explanations, prices, &built.left_out);
         if let Some(paths) = &paths {
             std::fs::create_dir_all(&paths.directory)
                 .map_err(|source| CliError::Io { path: paths.directory.clone(), source })?;
             let text = schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
             output::write_whole(&paths.schedule, text.as_bytes(), self.force)?;
-            let text = verification_json(&verification, &checks, &explanations, &built.left_out)?;
+            let text = json_text()?;
             output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
             if self.plot {
-                for (path, svg) in plots(paths, &design, &nodes, &spec, &verification, system)? {
-                    output::write_whole(&path, svg.as_bytes(), self.force)?;
+                for (name, figure) in figures(&design.table, &nodes, &spec, &verification, system)?
+                {
+                    let path = paths.directory.join(format!("{name}.svg"));
+                    output::write_whole(&path, figure.to_svg().as_bytes(), self.force)?;
                 }
             }
         }
         match self.format.format {
             Format::Json => {
-                let text =
-                    verification_json(&verification, &checks, &explanations, &built.left_out)?;
-                output::print(&text)?;
+                output::print(&json_text()?)?;
             }
             Format::Csv => output::print(&rows_table(&verification, system, true).to_csv())?,
             Format::Table => {
@@ -275,6 +306,10 @@ impl Tune {
                 text.push('\n');
                 text += &report_text(&verification, system, coloring);
                 text += &authority_text(&checks, system);
+                if self.explain {
+                    text.push('\n');
+                    text += &prices_table(prices, system).to_text(coloring);
+                }
                 text += &explanations_text(&explanations, system);
                 text += &left_out_text(&built.left_out, system);
                 if let Some(paths) = &paths {
@@ -366,16 +401,65 @@ impl Paths {
     }
 }
 
+/// Prices below this, %, are those of targets that do not bind.
+const PRICE_SHOWN: f64 = 5e-3;
+
+/// What the tuning took, for people.
+fn effort(s: &TuningStats) -> String {
+    format!(
+        "tuning: {} programs solved in {} steps of at most {} rows; {:.1} s in the conic solver, \
+         {:.1} s in assembly and checks, summed over threads",
+        s.programs, s.solves, s.largest_rows, s.solver_time, s.assembly_time
+    )
+}
+
+fn prices_table(prices: &[Price], system: System) -> Table {
+    let unit = Kind::Airspeed.symbol(system);
+    let mut columns =
+        vec![Column::text("axis"), Column::number("speed", unit, Digits::Decimals(0))];
+    for t in Target::ALL {
+        let heading = format!("{}, {}", t.name(), t.unit_tightening().1);
+        columns.push(Column::number(&heading, "%", Digits::Decimals(2)));
+    }
+    let mut table =
+        Table::new("Prices of the targets in actuator activity, from the duals", columns);
+    for of_speed in prices.chunks(Target::ALL.len()) {
+        let Some(first) = of_speed.first() else { continue };
+        let mut cells: Vec<Cell> =
+            vec![first.channel.name().into(), speed(first.speed, system).into()];
+        for p in of_speed {
+            let shown = p.percent.abs() >= PRICE_SHOWN;
+            cells.push(if shown { p.percent.into() } else { Cell::empty() });
+        }
+        table.row(cells);
+    }
+    table
+}
+
 pub(super) fn verification_json(
     verification: &Verification,
     authority: &[Authority],
     explanations: &[Explanation],
+    prices: &[Price],
     left_out: &[LeftOut],
 ) -> Result<String, CliError> {
     let mut value =
         serde_json::to_value(verification).map_err(|e| CliError::Internal(e.to_string()))?;
     value["authority"] = json!(authority);
     value["explanations"] = json!(explanations);
+    value["prices"] = prices
+        .iter()
+        .filter(|p| p.percent.abs() >= PRICE_SHOWN)
+        .map(|p| {
+            json!({
+                "axis": p.channel.name(),
+                "speed_m_s": p.speed,
+                "target": p.target,
+                "tightening": p.target.unit_tightening().1,
+                "activity_percent": p.percent,
+            })
+        })
+        .collect();
     value["left_out"] = left_out
         .iter()
         .map(|l| json!({ "model": l.model, "speed_m_s": l.speed, "reason": l.reason }))
@@ -412,7 +496,7 @@ fn lag_text(design: &Design, system: System) -> String {
     text
 }
 
-fn gains_table(table: &LawTable, system: System) -> Table {
+pub(super) fn gains_table(table: &LawTable, system: System) -> Table {
     let unit = Kind::Airspeed.symbol(system);
     let mut columns = vec![Column::number("speed", unit, Digits::Decimals(0))];
     let digits = Digits::Significant(4);
@@ -527,21 +611,29 @@ pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
         worst.extend(of.max_by(|a, b| a.used_percent.total_cmp(&b.used_percent)));
     }
     for c in worst {
+        let of: Vec<_> = checks.iter().filter(|o| o.axis == c.axis).collect();
+        let reach = match of.iter().position(|o| !o.passed) {
+            None => "within limits at all speeds".into(),
+            Some(0) => "BEYOND LIMITS from the lowest speed on".into(),
+            Some(k) => format!(
+                "within limits up to {}, BEYOND LIMITS above",
+                speed_text(of[k - 1].speed_m_s, system)
+            ),
+        };
         text += &format!(
-            "  {:5} worst at {:>6}: {} uses {:.0} % of its room, blade pitch rate up to {:.0} \
-             deg/s: {}\n",
+            "  {:5} {reach}; worst at {:>6}: {} uses {:.0} % of its room, blade pitch rate up to \
+             {:.0} deg/s\n",
             c.axis,
             speed_text(c.speed_m_s, system),
             c.control,
             c.used_percent,
             c.rate_deg_s,
-            if c.passed { "within limits" } else { "BEYOND LIMITS" }
         );
     }
     text
 }
 
-fn explanations_text(list: &[Explanation], system: System) -> String {
+pub(super) fn explanations_text(list: &[Explanation], system: System) -> String {
     let mut text = String::new();
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
@@ -579,7 +671,7 @@ fn explanations_text(list: &[Explanation], system: System) -> String {
     text
 }
 
-fn left_out_text(list: &[LeftOut], system: System) -> String {
+pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
     let mut text = String::new();
     for l in list {
         text += &format!(
@@ -592,18 +684,29 @@ fn left_out_text(list: &[LeftOut], system: System) -> String {
     text
 }
 
-/// Plots as (file, SVG text).
-fn plots(
-    paths: &Paths,
-    design: &Design,
+/// Most speeds in one plot of loops.
+const MOST_CURVES: usize = 4;
+
+/// At most `most` of `count` places, evenly spread, the first and the last
+/// among them.
+fn spread(count: usize, most: usize) -> Vec<usize> {
+    if count <= most || most < 2 {
+        return (0..count).collect();
+    }
+    (0..most).map(|i| i * (count - 1) / (most - 1)).collect()
+}
+
+/// Figures of a design by name: gains, margins, a Nyquist plot a channel,
+/// sensitivity. `nodes` are the plants at the breakpoints, the nominal first.
+pub(super) fn figures(
+    table: &LawTable,
     nodes: &ModelSet,
     spec: &Specification,
     verification: &Verification,
     system: System,
-) -> Result<Vec<(PathBuf, String)>, CliError> {
+) -> Result<Vec<(String, Figure)>, CliError> {
     use crate::control::loops::{Cut, LoopModel};
     let unit = Kind::Airspeed.symbol(system);
-    let table = &design.table;
     let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
     let mut panels = Vec::new();
     for c in &spec.channels {
@@ -612,7 +715,7 @@ fn plots(
             .gains()
             .iter()
             .map(|g| Curve {
-                name: ["K_D", "K_P", "K_I"][g.index()].into(),
+                name: ["K_{D}", "K_{P}", "K_{I}"][g.index()].into(),
                 style: g.index(),
                 x: x.clone(),
                 y: table.points().iter().map(|p| p.gains[channel.index()].get(*g)).collect(),
@@ -628,10 +731,9 @@ fn plots(
         });
     }
     let mut out = Vec::new();
-    let file = |name: &str| paths.directory.join(name);
     out.push((
-        file("gains.svg"),
-        gain_schedule_figure("Gains over true airspeed", unit, &panels).to_svg(),
+        "gains".to_string(),
+        gain_schedule_figure("Gains over true airspeed", unit, &panels),
     ));
     // Least design margin over models, axis by speed.
     let mut speeds: Vec<f64> = verification.rows.iter().map(|r| r.speed_m_s).collect();
@@ -655,15 +757,17 @@ fn plots(
         required: 0.0,
         decimals: 0,
     };
-    out.push((file("margins.svg"), heatmap_figure("Design margin", &map).to_svg()));
+    out.push(("margins".to_string(), heatmap_figure("Design margin", &map)));
     let grid: std::sync::Arc<[f64]> = crate::control::tuning::default_grid(0.02, 60.0, 500).into();
     let mut sensitivities = Vec::new();
     for c in &spec.channels {
         let (mut loops, mut rejections) = (Vec::new(), Vec::new());
-        for (k, p) in table.points().iter().enumerate() {
-            if p.gains[c.channel.index()] == Default::default() {
+        // The same speeds in every plot, so that a style is a speed.
+        for (style, &k) in spread(table.points().len(), MOST_CURVES).iter().enumerate() {
+            if table.points()[k].gains[c.channel.index()] == Default::default() {
                 continue;
             }
+            let p = &table.points()[k];
             let model = LoopModel::new(
                 &nodes.plants[k][0],
                 &p.inversion,
@@ -682,7 +786,7 @@ fn plots(
             let l = model.channel(&gains, c.channel, &[cut]);
             let response = |response| FrequencyResponse {
                 name: speed_text(p.speed, system),
-                style: k,
+                style,
                 frequency: grid.to_vec(),
                 response,
             };
@@ -695,10 +799,7 @@ fn plots(
             phase_margin_deg: t.phase.to_degrees(),
         };
         let title = format!("{} loop, nominal model", c.channel);
-        out.push((
-            file(&format!("nyquist-{}.svg", c.channel)),
-            nyquist_figure(&title, &loops, Some(&region)).to_svg(),
-        ));
+        out.push((format!("nyquist-{}", c.channel), nyquist_figure(&title, &loops, Some(&region))));
         sensitivities.push(SensitivityPanel {
             title: c.channel.name().into(),
             bandwidth_spec: t.drb,
@@ -707,8 +808,8 @@ fn plots(
         });
     }
     out.push((
-        file("sensitivity.svg"),
-        sensitivity_figure("Disturbance rejection, nominal model", &sensitivities).to_svg(),
+        "sensitivity".to_string(),
+        sensitivity_figure("Disturbance rejection, nominal model", &sensitivities),
     ));
     Ok(out)
 }

@@ -4,7 +4,10 @@ use clap::Args;
 
 use super::args::OutputArgs;
 use super::trim::trim_all;
+use super::tune::{tune, verify_error};
 use super::{CliError, Outcome, output};
+use crate::control::plant::ModelClass;
+use crate::control::verify::{Row, verify};
 use crate::linear::linearize::{Options, averaged};
 use crate::linear::modes::modes;
 use crate::linear::reduction::residualise;
@@ -62,7 +65,84 @@ fn markdown() -> Result<String, CliError> {
             }
         }
     }
+    text += CONTROL;
+    for name in ["coax2d", "coax2d-physics"] {
+        text += &format!("## Closed loop of `{name}`\n\n");
+        text += &closed_loop(&problem::builtin_named(name)?.problem)?;
+    }
     Ok(text)
+}
+
+/// What the paper says of its control law, and what is compared.
+const CONTROL: &str = "\
+## Control law
+
+The paper prints neither gains nor margins. It says that a dynamic inversion of the residualised models from hover to
+90 kt tracks attitudes, rates and velocities with little coupling, that feedback gains may have to be scheduled where
+disturbance rejection bandwidth and crossover are to be the same at all speeds, and it flies one manoeuvre. What follows
+is such a schedule: `coaxdesign tune-gains` with the built-in targets, the built-in hardware and its five models
+(`problems/hq.toml`), verified on the full-order averaged models at 0 to 90 kt by 5 kt. Ranges are over speed, of the
+nominal model; the last column is the least design margin of all models (0 %: on the bound). Two things differ from the
+paper's law on purpose: velocity terms are inverted in part, and feedback has an allocation of its own
+(`docs/decisions/feedback-allocation.md`).
+
+";
+
+/// A tuning with the built-in specification: ranges of the metrics by axis.
+fn closed_loop(problem: &Problem) -> Result<String, CliError> {
+    let spec = crate::control::spec::builtin()?;
+    let tuned = tune(problem, &spec, &[], true)?;
+    let verification = verify(&tuned.design.table, &tuned.built.set, &spec.hardware, &spec)
+        .map_err(|error| verify_error(&error))?;
+    let column = |name: &str, unit: &str, digits| {
+        [format!("{name} from"), "to".into()].map(|n| Column::number(&n, unit, digits))
+    };
+    let (two, one) = (Digits::Decimals(2), Digits::Decimals(1));
+    let mut columns = vec![Column::text("axis")];
+    columns.extend(column("DRB", "rad/s", two));
+    columns.extend(column("DRP", "dB", two));
+    columns.extend(column("crossover", "rad/s", two));
+    columns.extend(column("GM", "dB", one));
+    columns.extend(column("PM", "deg", one));
+    columns.push(Column::number("least design margin", "%", Digits::Decimals(0)));
+    let mut table = Table::new("", columns);
+    let nominal = &tuned.built.set.models[0].name;
+    for requirement in &spec.channels {
+        let name = requirement.channel.name();
+        let of_axis: Vec<&Row> = verification.rows.iter().filter(|r| r.axis == name).collect();
+        let range = |value: &dyn Fn(&Row) -> Option<f64>| -> [Option<f64>; 2] {
+            let list: Vec<f64> =
+                of_axis.iter().filter(|r| r.model == *nominal).filter_map(|r| value(r)).collect();
+            [list.iter().copied().reduce(f64::min), list.iter().copied().reduce(f64::max)]
+        };
+        let gain_margin =
+            |r: &Row| [r.gm_up_db, r.gm_down_db].into_iter().flatten().reduce(f64::min);
+        let mut cells = vec![Cell::from(name)];
+        for ends in [
+            range(&|r| r.drb_rad_s),
+            range(&|r| Some(r.drp_db)),
+            range(&|r| r.crossover_rad_s),
+            range(&gain_margin),
+            range(&|r| r.pm_deg),
+        ] {
+            cells.extend(ends.map(Cell::from));
+        }
+        let least = of_axis.iter().filter_map(|r| r.design_margin_percent).reduce(f64::min);
+        cells.push(least.into());
+        table.row(cells);
+    }
+    let met = |class: ModelClass| {
+        let rows = verification.rows.iter().filter(|r| r.class == class);
+        (rows.clone().filter(|r| r.passed).count(), rows.count())
+    };
+    let ((a, b), (c, d)) = (met(ModelClass::Nominal), met(ModelClass::OffNominal));
+    let stable = verification.stability.iter().filter(|s| s.passed).count();
+    Ok(format!(
+        "{}\n{a} of {b} nominal and {c} of {d} off-nominal rows meet their targets; {stable} of {} closed loops are \
+         shown stable.\n\n",
+        table.to_markdown(),
+        verification.stability.len()
+    ))
 }
 
 /// Averaged, residualised model of the rigid-body states at a speed.

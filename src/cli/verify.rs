@@ -70,7 +70,7 @@ impl Verify {
             &schedule.stick_limits,
         );
         let text = match self.format.format {
-            Format::Json => verification_json(&verification, &checks, &[], &built.left_out)?,
+            Format::Json => verification_json(&verification, &checks, &[], &[], &built.left_out)?,
             Format::Csv => rows_table(&verification, system, true).to_csv(),
             Format::Table => {
                 report_text(&verification, system, Coloring::for_stdout())

@@ -1,7 +1,8 @@
 //! Why a requirement is missed, what could be had instead, and what each costs.
 //!
-//! Everything here is found by solving again: one channel at one speed, the
-//! other channels as they are, with one target moved.
+//! One channel at one speed for the nominal model, the other channels as they
+//! are. Prices are the duals of the conic program at the answer; attainable
+//! values are found by solving again with one target moved.
 
 use super::axis::{Channel, GainSet};
 use super::law::LawPoint;
@@ -9,30 +10,11 @@ use super::loops::{LawSettings, LoopModel};
 use super::metrics::{decibels, from_decibels};
 use super::plant::{ModelClass, Plant};
 use super::spec::{ChannelRequirement, Specification};
-use super::tuning::{ChannelProblem, ChannelSpec, LoopSet, Merit, TuningError};
+pub use super::tuning::Target;
+use super::tuning::{ChannelProblem, ChannelSpec, LoopSet, Merit, Price, TuningError};
 use serde::{Deserialize, Serialize};
 
-/// A target that can be moved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Target {
-    /// Phase margin, deg.
-    PhaseMargin,
-    /// Gain margins, dB.
-    GainMargin,
-    /// Disturbance rejection bandwidth, rad/s.
-    Drb,
-    /// Disturbance rejection peak, dB.
-    Drp,
-    /// Least crossover, rad/s.
-    CrossoverMin,
-}
-
 impl Target {
-    /// All targets.
-    pub const ALL: [Target; 5] =
-        [Target::PhaseMargin, Target::GainMargin, Target::Drb, Target::Drp, Target::CrossoverMin];
-
     /// Name for people.
     pub fn name(self) -> &'static str {
         match self {
@@ -88,17 +70,6 @@ impl Target {
             Target::Drp => asked + 10.0,
         }
     }
-
-    /// A step that tightens the target a little, and its name.
-    fn tightened(self, asked: f64) -> (f64, &'static str) {
-        match self {
-            Target::PhaseMargin => (asked + 1.0, "1 deg more"),
-            Target::GainMargin => (asked + 0.25, "0.25 dB more"),
-            Target::Drb => (asked * 1.02, "2 % more"),
-            Target::Drp => (asked - 0.1, "0.1 dB less"),
-            Target::CrossoverMin => (asked * 1.02, "2 % more"),
-        }
-    }
 }
 
 /// What is known about one target.
@@ -113,8 +84,7 @@ pub struct TargetReport {
     /// help.
     pub attainable: Option<f64>,
     /// Change of actuator activity, %, for the tightening of `price_of`, if
-    /// the specification can be met; negative values are differences below the
-    /// accuracy of the sequence.
+    /// the specification can be met: from the duals, so to first order.
     pub price_percent: Option<f64>,
     /// The tightening that the price is of.
     pub price_of: String,
@@ -167,7 +137,7 @@ pub fn explain(
     let models = LoopSet { nodes: vec![vec![model]], between: Vec::new() };
     let start =
         if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
-    let solve = |channel_spec: &ChannelSpec| -> Result<(Merit, f64), TuningError> {
+    let solve = |channel_spec: &ChannelSpec, priced: bool| {
         let mut gains: Vec<GainSet> = vec![start];
         let mut problem = ChannelProblem::new(
             channel,
@@ -180,22 +150,16 @@ pub fn explain(
             &spec.solver,
         );
         let merit = problem.run(&mut gains)?;
-        let x = gains[0][channel.index()].values(channel);
-        let loops = models.nodes[0][0].channel(&gains[0], channel, &[super::loops::Cut::Effector]);
-        let u = loops.activity_curve(&x);
-        let activity = super::metrics::activity(
-            super::metrics::Sampled::new(&loops.omega, &u),
-            super::metrics::ACTIVITY_BAND,
-        );
-        Ok((merit, activity))
+        let prices = if priced { problem.prices(&gains)? } else { Vec::new() };
+        Ok::<(Merit, Vec<Price>), TuningError>((merit, prices))
     };
     let tuned = requirement.tuned();
-    let (base, base_activity) = solve(&tuned)?;
+    let (base, prices) = solve(&tuned, true)?;
     let attainable = base.worst() < MET;
     let mut targets = Vec::new();
     for target in Target::ALL {
         let Some(asked) = target.get(&tuned) else { continue };
-        let (tight, price_of) = target.tightened(asked);
+        let price_of = target.unit_tightening().1;
         let mut report = TargetReport {
             target,
             asked,
@@ -206,13 +170,10 @@ pub fn explain(
         let with = |value: f64| {
             let mut moved = tuned;
             target.set(&mut moved, value);
-            solve(&moved)
+            solve(&moved, false)
         };
         if attainable {
-            let (merit, activity) = with(tight)?;
-            if merit.worst() < MET {
-                report.price_percent = Some(100.0 * (activity / base_activity - 1.0));
-            }
+            report.price_percent = prices.iter().find(|p| p.target == target).map(|p| p.percent);
         } else {
             let (mut easy, mut hard) = (target.easiest(asked), asked);
             if with(easy)?.0.worst() < MET {

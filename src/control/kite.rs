@@ -10,6 +10,9 @@ use num_complex::Complex64 as C;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kite {
     vertices: Vec<C>,
+    /// Change of each vertex with the phase margin, 1/rad, and with the
+    /// logarithm of both gain margins.
+    slopes: Vec<[C; 2]>,
     /// Outward unit normal of the edge from each vertex to the next.
     normals: Vec<C>,
 }
@@ -37,11 +40,15 @@ impl Kite {
     pub fn new(gain_up: f64, gain_down: f64, phase: f64) -> Self {
         let (sin, cos) = phase.sin_cos();
         // Counter-clockwise from the left.
+        let zero = C::new(0.0, 0.0);
         let mut vertices = vec![C::new(-gain_down, 0.0), C::new(-cos, -sin)];
+        let mut slopes = vec![[zero, C::new(-gain_down, 0.0)], [C::new(sin, -cos), zero]];
         if -1.0 / gain_up > -cos + 1e-9 {
             vertices.push(C::new(-1.0 / gain_up, 0.0));
+            slopes.push([zero, C::new(1.0 / gain_up, 0.0)]);
         }
         vertices.push(C::new(-cos, sin));
+        slopes.push([C::new(sin, cos), zero]);
         let n = vertices.len();
         let normals = (0..n)
             .map(|k| {
@@ -49,12 +56,18 @@ impl Kite {
                 C::new(0.0, -1.0) * e / e.norm()
             })
             .collect();
-        Self { vertices, normals }
+        Self { vertices, slopes, normals }
     }
 
     /// Vertices, counter-clockwise.
     pub fn vertices(&self) -> &[C] {
         &self.vertices
+    }
+
+    /// Vertices, and how each moves with the phase margin, 1/rad, and with the
+    /// logarithm of both gain margins.
+    pub fn vertices_with_slopes(&self) -> impl Iterator<Item = (C, [C; 2])> + '_ {
+        self.vertices.iter().copied().zip(self.slopes.iter().copied())
     }
 
     fn support(&self, normal: C) -> f64 {
@@ -145,6 +158,19 @@ mod tests {
         assert!(k.separation(C::new(-1.0, 1.2), C::new(-1.0, -1.2)) < 0.0);
         let n = k.separating_normal(C::new(-0.3, -0.2), C::new(-0.3, 0.2));
         assert!((n.normal - 1.0).norm() < 1e-12);
+    }
+
+    /// The slopes are the differences of neighbouring kites.
+    #[test]
+    fn vertices_move_as_their_slopes_say() {
+        let (g, p, h) = (2.0, 0.8, 1e-6);
+        let base: Vec<_> = Kite::new(g, g, p).vertices_with_slopes().collect();
+        let phase = Kite::new(g, g, p + h);
+        let gain = Kite::new(g * f64::exp(h), g * f64::exp(h), p);
+        for (k, (z, slopes)) in base.iter().enumerate() {
+            assert!(((phase.vertices()[k] - z) / h - slopes[0]).norm() < 1e-5);
+            assert!(((gain.vertices()[k] - z) / h - slopes[1]).norm() < 1e-5);
+        }
     }
 
     /// A margin vertex hidden behind the phase margin's chord is left out.

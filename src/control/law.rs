@@ -1,21 +1,34 @@
 //! The control law: one definition for tuning, simulation and export.
 //!
 //! ```text
-//! δ = δ_trim + B_d⁻¹ (ν − F_att x − κ F_uvw x − (1 − κ) F_uvw x_ref)
-//! ν_φ = φ_ref'' + K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
+//! δ = δ_trim + B_d⁻¹ (ν_c − F x_ref) + M (ν_e − F_κ (x − x_ref)),   F_κ = F_att + κ F_uvw
+//! ν_c = φ_ref'',   ν_e = K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
 //! ```
 //!
 //! and in the same way for θ; for r and V_z (down positive) one derivative
-//! less. x is the deviation from the trim at the scheduled speed. Around it
+//! less. With M = B_d⁻¹ this is the partial inversion B_d⁻¹ (ν − F_att x −
+//! κ F_uvw x − (1 − κ) F_uvw x_ref); see [`Inversion`] for why feedback has an
+//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is the deviation from the trim at the scheduled speed. Around it
 //! the translational rate command of the reference paper's Fig. 11:
 //!
 //! ```text
-//! θ_c = θ_trim − (K_P e_x + K_I ∫e_x)/g,   φ_c = φ_trim + (K_P e_y + K_I ∫e_y)/g
+//! θ_c = θ_trim − (a_x + K_P e_x + K_I ∫e_x)/g
+//! φ_c = φ_trim + atan(V_x ψ'_c/g) + (a_y + K_P e_y + K_I ∫e_y)/g
 //! ```
 //!
-//! with e the error of ground velocity in heading axes, and Eq. 75 as a blend
-//! b(V) that rises smoothly from 0 to 1 around the turn-coordination speed:
-//! φ_c' = (1 − b) φ_c + b atan(V ψ'_c / g).
+//! with e the error of ground velocity in heading axes and a the acceleration
+//! of its reference: a first-order lag of the command. What the aircraft can
+//! do of it is that lag seen through the attitude command model and the
+//! reference delay; e is measured against that. V_x ψ'_c is what it takes to
+//! hold V_y while the heading axes turn. Eq. 75 is a blend b(V) that rises
+//! smoothly from 0 to 1 around the turn-coordination speed:
+//! φ_c' = (1 − b) φ_c + b (φ_trim + atan(V ψ'_c/g)). It hands over from one to
+//! the other without a step, because both ask for the same bank.
+//!
+//! Under a velocity command the schedule is read at the speed of the
+//! reference, not of the aircraft. Read at the speed that is flown, the trim
+//! attitude and sticks would change with every gust and close a loop that the
+//! gains do not know of.
 //!
 //! Everything that depends on speed is read from a table by linear
 //! interpolation, and held constant beyond its ends. [`LawTable::at`] is what
@@ -91,6 +104,7 @@ impl LawTable {
                 && p.gains.iter().flat_map(|g| g.array()).all(f64::is_finite)
                 && i.outputs.iter().chain(i.rates.iter()).all(|v| v.is_finite())
                 && i.feedback.iter().chain(i.decoupling.iter()).all(|v| v.is_finite())
+                && i.allocation.iter().all(|v| v.is_finite())
                 && i.ground_velocity.iter().all(|v| v.is_finite())
                 && i.reference.dynamics.iter().all(|v| v.is_finite());
             if !finite {
@@ -180,6 +194,17 @@ pub enum Horizontal {
 
 /// Largest attitudes that the outer loop may command, rad.
 pub const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
+/// How much slower velocity references are than attitude references: their
+/// time constant is this over the natural frequency.
+pub const OUTER_SLOWNESS: f64 = 4.0;
+/// Largest horizontal acceleration of a velocity reference, m/s².
+pub const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
+/// Farthest that the speed of the schedule may lie from the speed that is
+/// flown, m/s.
+pub const SCHEDULE_LEAD: f64 = 5.0;
+/// Time constant with which the lateral velocity integral is forgotten where
+/// turn coordination has taken over, s.
+pub const FORGETTING: f64 = 1.0;
 
 /// A reference: value and derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -189,6 +214,28 @@ struct Reference {
     acceleration: f64,
 }
 
+/// What the law steers to at a step: the references as they enter the errors,
+/// delayed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct References {
+    /// Bank angle, rad.
+    pub roll: f64,
+    /// Pitch angle, rad.
+    pub pitch: f64,
+    /// Body yaw rate, rad/s.
+    pub yaw_rate: f64,
+    /// Vertical velocity, down positive, m/s.
+    pub vertical_velocity: f64,
+    /// Velocity over the ground in heading axes, forward and to the right,
+    /// m/s; `None` under an attitude command.
+    pub velocity: Option<[f64; 2]>,
+}
+
+/// Places in the history of references.
+const REFERENCES: usize = 6;
+/// Where the velocities begin there.
+const VELOCITY: usize = 4;
+
 /// The law with its memory, stepping at a fixed interval.
 #[derive(Debug, Clone)]
 pub struct Controller {
@@ -196,9 +243,15 @@ pub struct Controller {
     step: f64,
     stick_limits: [[f64; 2]; 4],
     started: bool,
-    references: [Reference; 4],
+    /// Bank, pitch, yaw rate, vertical velocity; then what can be done of the
+    /// horizontal velocities.
+    references: [Reference; REFERENCES],
+    /// Horizontal velocities as lags of their commands.
+    velocity_commands: [f64; 2],
+    /// Whether the last step was under a velocity command.
+    velocity_mode: bool,
     /// Values and rates of the references of the last τ.
-    history: VecDeque<[[f64; 2]; 4]>,
+    history: VecDeque<[[f64; 2]; REFERENCES]>,
     integrals: [f64; 4],
     velocity_integrals: [f64; 2],
     /// Horizontal velocity deviations of the reference model.
@@ -216,7 +269,9 @@ impl Controller {
             step,
             stick_limits,
             started: false,
-            references: [Reference::default(); 4],
+            references: [Reference::default(); REFERENCES],
+            velocity_commands: [0.0; 2],
+            velocity_mode: false,
             history: VecDeque::new(),
             integrals: [0.0; 4],
             velocity_integrals: [0.0; 2],
@@ -233,9 +288,10 @@ impl Controller {
 
     /// Starts from a measurement without a transient: references at what is
     /// measured, integrals at zero.
-    fn start(&mut self, m: &Measurement, p: &LawPoint, vertical: f64) {
+    fn start(&mut self, m: &Measurement, p: &LawPoint, vertical: f64, ground: [f64; 2]) {
         let value = |value: f64| Reference { value, ..Reference::default() };
-        self.references = [value(m.roll), value(m.pitch), value(m.rates[2]), value(vertical)];
+        self.references = [m.roll, m.pitch, m.rates[2], vertical, ground[0], ground[1]].map(value);
+        self.velocity_commands = ground;
         let now = self.references.map(|r| [r.value, r.rate]);
         let length = (self.table.settings.reference_delay / self.step).round() as usize;
         self.history = std::iter::repeat_n(now, length + 1).collect();
@@ -247,39 +303,135 @@ impl Controller {
         self.started = true;
     }
 
+    /// Starts from a measurement with given sticks, %, and without a
+    /// transient: the integrals take what the law would otherwise lack, as when
+    /// it is switched on in trimmed flight that is not the schedule's own.
+    pub fn engage(&mut self, m: &Measurement, demand: &Demand, sticks: [f64; 4]) {
+        self.started = false;
+        let mut trial = self.clone();
+        let own = trial.step(m, demand);
+        // Now started, with the integrals still at zero.
+        let p = self.table.at(m.airspeed);
+        let (vertical, ground) = earth_velocity(m);
+        self.start(m, &p, vertical, ground);
+        let trim = p.inversion.trim;
+        if let Horizontal::Velocity { .. } = demand.horizontal {
+            self.velocity_mode = true;
+            let attitude = [trim.pitch - m.pitch, m.roll - trim.roll];
+            for (k, channel) in [Channel::Vx, Channel::Vy].into_iter().enumerate() {
+                let k_i = p.gains[channel.index()].k_i;
+                if k_i > 0.0 {
+                    self.velocity_integrals[k] = GRAVITY * attitude[k] / k_i;
+                }
+            }
+            // The attitude now asked for is the one flown.
+            let mut again = self.clone();
+            let own = again.step(m, demand);
+            self.load_integrals(&p, own, sticks);
+        } else {
+            self.load_integrals(&p, own, sticks);
+        }
+    }
+
+    /// Sets the integrals so that the sticks move from `own` to `sticks`.
+    fn load_integrals(&mut self, p: &LawPoint, own: [f64; 4], sticks: [f64; 4]) {
+        let Some(forward) = p.inversion.allocation.try_inverse() else {
+            return;
+        };
+        let lacking = forward * Vector4::from_fn(|j, _| sticks[j] - own[j]);
+        for axis in Axis::ALL {
+            let i = axis.index();
+            let k_i = p.gains[Channel::from(axis).index()].k_i;
+            if k_i > 0.0 {
+                self.integrals[i] = lacking[i] / k_i;
+            }
+        }
+    }
+
+    /// What the last step steered to.
+    pub fn references(&self) -> References {
+        let now = self.history.front().copied().unwrap_or_default();
+        References {
+            roll: now[0][0],
+            pitch: now[1][0],
+            yaw_rate: now[2][0],
+            vertical_velocity: now[3][0],
+            velocity: self.velocity_mode.then_some([now[VELOCITY][0], now[VELOCITY + 1][0]]),
+        }
+    }
+
     /// One step: sticks lat, lon, col, ped in %.
     pub fn step(&mut self, m: &Measurement, demand: &Demand) -> [f64; 4] {
         let settings = self.table.settings;
-        let p = self.table.at(m.airspeed);
-        let inv = &p.inversion;
-        let trim = inv.trim;
-        let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
+        let (vertical, ground) = earth_velocity(m);
+        let [forward, right] = ground;
         let [u, v, w] = m.velocity_body;
-        let vertical = -u * st + (v * sp + w * cp) * ct;
-        let forward = u * ct + (v * sp + w * cp) * st;
-        let right = v * cp - w * sp;
+        let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
         if !self.started {
-            self.start(m, &p, vertical);
+            let p = self.table.at(m.airspeed);
+            self.start(m, &p, vertical, ground);
         }
         let dt = self.step;
+        let velocity_mode = matches!(demand.horizontal, Horizontal::Velocity { .. });
+        if velocity_mode && !self.velocity_mode {
+            self.velocity_commands = ground;
+            for (k, value) in ground.into_iter().enumerate() {
+                self.references[VELOCITY + k] = Reference { value, ..Reference::default() };
+                for past in &mut self.history {
+                    past[VELOCITY + k] = [value, 0.0];
+                }
+            }
+            self.velocity_integrals = [0.0; 2];
+        }
+        self.velocity_mode = velocity_mode;
+        // The reference that is now at the end of its delay.
+        let due = self.history.get(1).or(self.history.front()).copied().unwrap_or_default();
+        let lead = if velocity_mode {
+            (due[VELOCITY][0] - forward).clamp(-SCHEDULE_LEAD, SCHEDULE_LEAD)
+        } else {
+            0.0
+        };
+        let p = self.table.at((m.airspeed + lead).max(0.0));
+        let inv = &p.inversion;
+        let trim = inv.trim;
 
         // Outer loop and Eq. 75.
         let blend = self.table.turn_blend(m.airspeed);
         let coordinated = (m.airspeed * demand.heading_rate / GRAVITY).atan();
+        let frequencies = [settings.pitch_frequency, settings.roll_frequency];
         let (roll_command, pitch_command) = match demand.horizontal {
             Horizontal::Attitude { roll, pitch } => (roll, pitch),
             Horizontal::Velocity { forward: vx, right: vy } => {
-                let errors = [vx - forward, vy - right];
-                let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
-                let raw: [f64; 2] = std::array::from_fn(|k| {
-                    (gains[k].k_p * errors[k] + gains[k].k_i * self.velocity_integrals[k]) / GRAVITY
+                let commands = [vx, vy];
+                let acceleration: [f64; 2] = std::array::from_fn(|k| {
+                    ((commands[k] - self.velocity_commands[k]) * frequencies[k] / OUTER_SLOWNESS)
+                        .clamp(-ACCELERATION_LIMIT, ACCELERATION_LIMIT)
                 });
+                for k in 0..2 {
+                    self.velocity_commands[k] += dt * acceleration[k];
+                }
+                let errors = [due[VELOCITY][0] - forward, due[VELOCITY + 1][0] - right];
+                let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
+                // Heading axes turn: holding V_y takes V_x ψ' of acceleration.
+                let turning =
+                    [0.0, (self.velocity_commands[0] * demand.heading_rate / GRAVITY).atan()];
+                let raw: [f64; 2] = std::array::from_fn(|k| {
+                    (acceleration[k]
+                        + gains[k].k_p * errors[k]
+                        + gains[k].k_i * self.velocity_integrals[k])
+                        / GRAVITY
+                        + turning[k]
+                });
+                // Where turn coordination has the bank, the lateral integral
+                // has nothing to do and is forgotten.
+                let share = [1.0, 1.0 - blend];
                 for k in 0..2 {
                     // Anti-windup: hold while the attitude limit is reached.
                     let outward = raw[k].abs() > ATTITUDE_LIMIT && raw[k] * errors[k] > 0.0;
                     if !outward {
-                        self.velocity_integrals[k] += dt * errors[k];
+                        self.velocity_integrals[k] += dt * share[k] * errors[k];
                     }
+                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share[k]) / FORGETTING;
                 }
                 let limited = raw.map(|r| r.clamp(-ATTITUDE_LIMIT, ATTITUDE_LIMIT));
                 (trim.roll + limited[1], trim.pitch - limited[0])
@@ -298,6 +450,14 @@ impl Controller {
         };
         attitude(&mut self.references[0], roll_command, settings.roll_frequency);
         attitude(&mut self.references[1], pitch_command, settings.pitch_frequency);
+        if velocity_mode {
+            // What the aircraft can do of a velocity: the attitude command
+            // model stands between.
+            for k in 0..2 {
+                let command = self.velocity_commands[k];
+                attitude(&mut self.references[VELOCITY + k], command, frequencies[k]);
+            }
+        }
         let lag = |r: &mut Reference, command: f64, time_constant: f64| {
             r.rate = (command - r.value) / time_constant;
             r.value += dt * r.rate;
@@ -310,7 +470,7 @@ impl Controller {
         }
         let delayed = self.history.front().copied().unwrap_or_default();
 
-        // ν.
+        // ν_c and ν_e.
         let feed = [
             self.references[0].acceleration,
             self.references[1].acceleration,
@@ -324,7 +484,8 @@ impl Controller {
             m.rates[1] * cp - m.rates[2] * sp,
         ];
         let errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
-        let mut nu = Vector4::from_column_slice(&feed);
+        let mut commanded = Vector4::from_column_slice(&feed);
+        let mut nu = Vector4::<f64>::zeros();
         for axis in Axis::ALL {
             let i = axis.index();
             let k = p.gains[Channel::from(axis).index()];
@@ -347,7 +508,8 @@ impl Controller {
             m.pitch - trim.pitch,
         ]);
         let (velocity, attitude_part) = inv.split_feedback();
-        let mut acceleration = nu - (attitude_part + velocity * settings.kappa) * x;
+        let f_kappa = attitude_part + velocity * settings.kappa;
+        nu -= f_kappa * x;
         // The reference model's deviation is from the trim at the scheduled
         // speed: when that moves, the deviation moves the other way.
         for ((model, old), new) in self.model.iter_mut().zip(&self.trim_velocity).zip(tv.iter()) {
@@ -365,14 +527,15 @@ impl Controller {
         let z = SVector::<f64, 2>::from_column_slice(&self.model);
         let ideal = inv.reference.state * z + inv.reference.input * rho;
         if settings.hybrid_feedforward {
-            acceleration -= velocity * ideal * (1.0 - settings.kappa);
+            nu += f_kappa * ideal;
+            commanded -= inv.feedback * ideal;
         }
         let change = inv.reference.dynamics * ideal
             + inv.reference.drive * Vector4::from_column_slice(&feed);
         self.model[0] += dt * change[0];
         self.model[1] += dt * change[1];
 
-        let delta = inv.decoupling * acceleration;
+        let delta = inv.decoupling * commanded + inv.allocation * nu;
         for j in 0..4 {
             let [low, high] = self.stick_limits[j];
             self.sticks[j] = (trim.sticks[j] + delta[j]).clamp(low, high);
@@ -382,7 +545,7 @@ impl Controller {
         for axis in Axis::ALL {
             let (i, e) = (axis.index(), axis.effector().index());
             let wanted = trim.sticks[e] + delta[e];
-            let push = inv.decoupling[(e, i)] * errors[i];
+            let push = inv.allocation[(e, i)] * errors[i];
             let stuck = (wanted > self.stick_limits[e][1] && push > 0.0)
                 || (wanted < self.stick_limits[e][0] && push < 0.0);
             if !stuck {
@@ -399,8 +562,17 @@ impl Controller {
     }
 }
 
+/// Velocity over the ground: down, and forward and to the right in heading
+/// axes, m/s.
+fn earth_velocity(m: &Measurement) -> (f64, [f64; 2]) {
+    let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
+    let [u, v, w] = m.velocity_body;
+    let lifted = v * sp + w * cp;
+    (lifted * ct - u * st, [u * ct + lifted * st, v * cp - w * sp])
+}
+
 /// The linear law's immediate response, sticks per measured state at a fixed
-/// schedule and without integrals: −B_d⁻¹ (K_P C + K_D C A + F_κ). What
+/// schedule and without integrals: −M (K_P C + K_D C A + F_κ). What
 /// [`Controller::step`] must do to small deviations; a test holds it to that.
 pub fn proportional_feedback(p: &LawPoint, settings: &LawSettings) -> nalgebra::SMatrix<f64, 4, 8> {
     let inv = &p.inversion;
@@ -412,7 +584,7 @@ pub fn proportional_feedback(p: &LawPoint, settings: &LawSettings) -> nalgebra::
         let row = rows.row(i) + inv.outputs.row(i) * k.k_p + inv.rates.row(i) * k.k_d;
         rows.set_row(i, &row);
     }
-    -inv.decoupling * rows
+    -inv.allocation * rows
 }
 
 /// Names of the states of `x` above, for exports.

@@ -4,10 +4,11 @@
 //! included), the law's feedback is δ = −Λ δ with
 //!
 //! ```text
-//! Λ = B_d⁻¹ (F_κ + Σ_axes e_i Σ_g K_ig c_ig(jω)) X
+//! Λ = M (F_κ + Σ_axes e_i Σ_g K_ig c_ig(jω)) X
 //! ```
 //!
-//! Every gain multiplies a matrix of rank one: a column (of B_d⁻¹, or of the
+//! M being the allocation of feedback.
+//! Every gain multiplies a matrix of rank one: a column (of M, or of the
 //! command path for an outer loop) times a row. So with all other gains fixed
 //! det(I + Λ) is *affine* in one channel's gains, by the matrix determinant
 //! lemma. The same holds for the minor without one effector's row and column.
@@ -183,11 +184,11 @@ impl FrequencyModel {
 /// Everything of the loops at one frequency that does not depend on gains.
 #[derive(Debug, Clone, Copy)]
 struct Point {
-    /// I + B_d⁻¹ F_κ X.
+    /// I + M F_κ X.
     base: Matrix4c,
     /// Rows c_g X of each channel's gains K_D, K_P, K_I.
     rows: [[Row4; 3]; 6],
-    /// ν per unit of roll (0) and pitch (1) command, without the error path.
+    /// Sticks per unit of roll (0) and pitch (1) command, without the error path.
     command_feed: [Row4; 2],
     /// Reference per unit of roll and pitch command, delayed as in the error path.
     command_reference: [C; 2],
@@ -254,7 +255,8 @@ impl LoopModel {
         let inv = &self.inversion;
         let kappa = self.settings.kappa;
         let (velocity, attitude) = inv.split_feedback();
-        let inner = inv.decoupling * (attitude + velocity * kappa);
+        let f_kappa = attitude + velocity * kappa;
+        let inner = inv.allocation * f_kappa;
         let mut base = [[ZERO; 4]; 4];
         for (i, row) in base.iter_mut().enumerate() {
             *row = row_times(|k| inner[(i, k)], &x);
@@ -285,13 +287,15 @@ impl LoopModel {
             let model = self.settings.attitude_command(axis, s);
             command_reference[i] = model * delay;
             let acceleration = s * s * model;
-            command_feed[i][i] = acceleration;
-            if self.settings.hybrid_feedforward && kappa < 1.0 {
-                let reference = self.ideal_states(omega, i);
-                for (j, feed) in command_feed[i].iter_mut().enumerate() {
-                    let f = (0..8).fold(ZERO, |sum, k| sum + velocity[(j, k)] * reference[k]);
-                    *feed -= (1.0 - kappa) * f * acceleration;
+            // B_d⁻¹ (ν − F x_ref) + M F_κ x_ref.
+            let path = inv.allocation * f_kappa - inv.decoupling * inv.feedback;
+            let reference = self.settings.hybrid_feedforward.then(|| self.ideal_states(omega, i));
+            for (j, feed) in command_feed[i].iter_mut().enumerate() {
+                *feed = C::new(inv.decoupling[(j, i)], 0.0);
+                if let Some(x) = &reference {
+                    *feed += (0..8).fold(ZERO, |sum, k| sum + path[(j, k)] * x[k]);
                 }
+                *feed *= acceleration;
             }
         }
         Point { base, rows, command_feed, command_reference }
@@ -316,7 +320,7 @@ impl LoopModel {
 
     /// Column through which a channel's rows act on the sticks, at a point.
     fn column(&self, p: &Point, omega: f64, gains: &GainSet, channel: Channel) -> Row4 {
-        let inv = &self.inversion.decoupling;
+        let inv = &self.inversion.allocation;
         if !channel.is_outer() {
             let i = channel.axis().index();
             return std::array::from_fn(|k| C::new(inv[(k, i)], 0.0));
@@ -324,9 +328,8 @@ impl LoopModel {
         let i = channel.axis().index();
         let s = C::new(0.0, omega);
         let k = gains[Channel::from(channel.axis()).index()];
-        let mut nu = p.command_feed[i];
-        nu[i] += (k.k_d * s + k.k_p + k.k_i / s) * p.command_reference[i];
-        std::array::from_fn(|r| (0..4).fold(ZERO, |sum, c| sum + inv[(r, c)] * nu[c]))
+        let error = (k.k_d * s + k.k_p + k.k_i / s) * p.command_reference[i];
+        std::array::from_fn(|r| p.command_feed[i][r] + inv[(r, i)] * error)
     }
 
     /// I + Λ at a point with the gains of `without` set to zero.

@@ -1,5 +1,6 @@
 //! What the control stage needs to know of the aircraft and its hardware.
 
+use super::axis::{Axis, Effector};
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector4};
 use serde::{Deserialize, Serialize};
 
@@ -219,6 +220,14 @@ impl Hardware {
 /// The outputs are y = (φ, θ, r, V_z) with V_z the earth-vertical velocity,
 /// positive down. φ and θ are differentiated twice, r and V_z once:
 /// ν = F x + B_d δ.
+///
+/// Commands go through the exact inverse B_d⁻¹. Feedback goes through
+/// [`Inversion::allocation`], M, which differs from it in two ways. First,
+/// what an attitude error asks for moves no collective: at speed cyclic lifts
+/// almost as much as collective does, and to null that lift the exact inverse
+/// flies pitch with the collective and heave with the cyclic. Second, M takes
+/// the sticks' power over attitudes at the frequency where the loops cross,
+/// with what u, v, w do until then, not at the first instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inversion {
     /// Output rows C, 4 × 8.
@@ -229,6 +238,8 @@ pub struct Inversion {
     pub feedback: SMatrix<f64, 4, 8>,
     /// B_d⁻¹: sticks, %, per unit of ν (rad/s², rad/s², rad/s², m/s²).
     pub decoupling: SMatrix<f64, 4, 4>,
+    /// M: sticks, %, per unit of the ν that feedback asks for.
+    pub allocation: SMatrix<f64, 4, 4>,
     /// Rows of the ground velocity in heading axes, forward and to the right,
     /// 2 × 8.
     pub ground_velocity: SMatrix<f64, 2, 8>,
@@ -255,6 +266,10 @@ pub struct ReferenceModel {
     /// First two rows of B B_d⁻¹, 2 × 4.
     pub drive: SMatrix<f64, 2, 4>,
 }
+
+/// Frequency at which the allocation of feedback takes the power of the sticks
+/// over attitudes, rad/s: somewhat below the crossovers that are asked for.
+pub const CONTROL_POWER_FREQUENCY: f64 = 1.0;
 
 /// Largest condition number of the scaled decoupling matrix that may be
 /// inverted, 1.
@@ -298,6 +313,8 @@ impl Inversion {
         }
         let inverse = invert_scaled(&decoupling)
             .map_err(|condition| PlantError::NotInvertible { speed: plant.speed, condition })?;
+        let allocation = allocation(&a, &b, &feedback, &decoupling)
+            .map_err(|condition| PlantError::NotInvertible { speed: plant.speed, condition })?;
         let not_invertible =
             PlantError::NotInvertible { speed: plant.speed, condition: f64::INFINITY };
         // Body rates from attitude rates and r.
@@ -334,7 +351,16 @@ impl Inversion {
             dynamics: (a - driven * feedback).fixed_rows::<2>(0).into_owned(),
             drive: driven.fixed_rows::<2>(0).into_owned(),
         };
-        Ok(Self { outputs, rates, feedback, decoupling: inverse, ground_velocity, reference, trim })
+        Ok(Self {
+            outputs,
+            rates,
+            feedback,
+            decoupling: inverse,
+            allocation,
+            ground_velocity,
+            reference,
+            trim,
+        })
     }
 
     /// F split into the part on u, v, w and the part on attitudes and rates.
@@ -362,6 +388,7 @@ impl Inversion {
             rates: self.rates * s + other.rates * t,
             feedback: self.feedback * s + other.feedback * t,
             decoupling: self.decoupling * s + other.decoupling * t,
+            allocation: self.allocation * s + other.allocation * t,
             ground_velocity: self.ground_velocity * s + other.ground_velocity * t,
             reference: ReferenceModel {
                 state: self.reference.state * s + other.reference.state * t,
@@ -372,6 +399,34 @@ impl Inversion {
             trim,
         }
     }
+}
+
+/// M: the inverse of the control power at [`CONTROL_POWER_FREQUENCY`] with the
+/// lift of lat, lon and ped left out, so that only V_z errors move the
+/// collective, and their effect on attitudes is nulled by the others. `power`
+/// is B_d, that power at the first instant; `Err` carries a condition number.
+fn allocation(
+    a: &Matrix8,
+    b: &Matrix8x4,
+    feedback: &SMatrix<f64, 4, 8>,
+    power: &SMatrix<f64, 4, 4>,
+) -> Result<SMatrix<f64, 4, 4>, f64> {
+    // B_d + F_uvw (jω − A_uvw)⁻¹ B_uvw, real part: velocities follow, attitudes
+    // are held. (jω − A)⁻¹ has the real part −A (ω² + A²)⁻¹.
+    let velocity: Matrix3<f64> = a.fixed_view::<3, 3>(rigid::U, rigid::U).into_owned();
+    let squared = Matrix3::identity() * CONTROL_POWER_FREQUENCY * CONTROL_POWER_FREQUENCY
+        + velocity * velocity;
+    let follow = -velocity * squared.try_inverse().ok_or(f64::INFINITY)?;
+    let mut late = power
+        + feedback.fixed_columns::<3>(rigid::U) * follow * b.fixed_rows::<3>(rigid::U).into_owned();
+    let heave = Axis::Heave.index();
+    for effector in [Effector::Lateral, Effector::Longitudinal, Effector::Pedal] {
+        late[(heave, effector.index())] = 0.0;
+    }
+    // The vertical acceleration is the collective's at once.
+    let collective = Effector::Collective.index();
+    late[(heave, collective)] = power[(heave, collective)];
+    invert_scaled(&late)
 }
 
 /// Inverse after scaling rows and columns to unit size; `Err` carries the

@@ -72,6 +72,9 @@ pub struct ModelSpec {
 /// Factor by which the tuning exceeds a crossover bound: a curve that just
 /// touches 0 dB there has no crossing.
 const CROSSOVER_BACK_OFF: f64 = 1.003;
+/// The same for off-nominal models, which are tuned at the breakpoints only
+/// and verified between them too.
+const OFF_NOMINAL_CROSSOVER_BACK_OFF: f64 = 1.015;
 
 /// Requirements of one channel, as verified; the tuning may ask for more.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,9 +94,12 @@ impl ChannelRequirement {
         let mut spec = self.spec;
         spec.nominal.phase += self.phase_reserve;
         spec.off_nominal.phase += self.phase_reserve;
-        for t in [&mut spec.nominal, &mut spec.off_nominal] {
-            t.crossover_min = t.crossover_min.map(|w| w * CROSSOVER_BACK_OFF);
-            t.crossover_max = t.crossover_max.map(|w| w / CROSSOVER_BACK_OFF);
+        for (t, back_off) in [
+            (&mut spec.nominal, CROSSOVER_BACK_OFF),
+            (&mut spec.off_nominal, OFF_NOMINAL_CROSSOVER_BACK_OFF),
+        ] {
+            t.crossover_min = t.crossover_min.map(|w| w * back_off);
+            t.crossover_max = t.crossover_max.map(|w| w / back_off);
         }
         spec
     }

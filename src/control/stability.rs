@@ -153,6 +153,9 @@ pub fn closed_loop_matrix(
         s
     };
     let (velocity, attitude) = inversion.split_feedback();
+    let f_kappa = attitude + velocity * settings.kappa;
+    // What commands ask for goes through B_d⁻¹, what feedback asks for through M.
+    let mut commanded: Vec<Signal> = vec![b.zero(); 4];
     let mut nu: Vec<Signal> = Vec::with_capacity(4);
     for axis in Axis::ALL {
         let i = axis.index();
@@ -169,7 +172,6 @@ pub fn closed_loop_matrix(
         nu.push(s);
     }
     let integrals = b.next - 4;
-    let mut velocity_reference: Vec<Signal> = vec![b.zero(); 4];
     if outer {
         let mut references: Vec<[Signal; 3]> = Vec::new();
         for (i, (axis, channel, row, sign)) in
@@ -189,7 +191,7 @@ pub fn closed_loop_matrix(
             let late = b.delay(settings.reference_delay, order, &attitude_command);
             let delayed = b.second_order(wn, settings.attitude_damping, &late);
             let inner = gains[Channel::from(axis).index()];
-            add(&mut nu[i], 1.0, &reference[2]);
+            add(&mut commanded[i], 1.0, &reference[2]);
             add(&mut nu[i], inner.k_d, &delayed[1]);
             add(&mut nu[i], inner.k_p, &delayed[0]);
             b.feed(integrals + i, 1.0, &delayed[0]);
@@ -218,24 +220,26 @@ pub fn closed_loop_matrix(
             }
         }
         if settings.hybrid_feedforward {
-            for (i, row) in velocity_reference.iter_mut().enumerate() {
+            for i in 0..4 {
                 for (k, s) in ideal.iter().enumerate() {
-                    add(row, (1.0 - settings.kappa) * velocity[(i, k)], s);
+                    add(&mut commanded[i], -inversion.feedback[(i, k)], s);
+                    add(&mut nu[i], f_kappa[(i, k)], s);
                 }
             }
         }
     }
-    // δ = B_d⁻¹ (ν − F_att x − κ F_uvw x − (1 − κ) F_uvw x_ref), then the sensor filter.
-    for i in 0..4 {
-        let f = combine(&b, &|j| attitude[(i, j)] + settings.kappa * velocity[(i, j)]);
-        add(&mut nu[i], -1.0, &f);
-        add(&mut nu[i], -1.0, &velocity_reference[i]);
+    // δ = B_d⁻¹ (ν_c − F x_ref) + M (ν_e − F_κ (x − x_ref)), then the sensor filter.
+    for (i, signal) in nu.iter_mut().enumerate() {
+        let f = combine(&b, &|j| f_kappa[(i, j)]);
+        add(signal, -1.0, &f);
     }
     for j in 0..4 {
         let own = b.state(command + j);
         b.feed(command + j, -hardware.sensor_bandwidth, &own);
-        for (i, s) in nu.iter().enumerate() {
-            b.feed(command + j, hardware.sensor_bandwidth * inversion.decoupling[(j, i)], s);
+        for i in 0..4 {
+            let by = hardware.sensor_bandwidth;
+            b.feed(command + j, by * inversion.allocation[(j, i)], &nu[i]);
+            b.feed(command + j, by * inversion.decoupling[(j, i)], &commanded[i]);
         }
     }
     debug_assert_eq!(b.next, total);

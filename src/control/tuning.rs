@@ -25,6 +25,7 @@ use crate::numerics::conic::{AffineRow, ConicError, Program, Solution, Status};
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -206,8 +207,10 @@ pub enum TuningError {
 /// Counts and times of a tuning.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TuningStats {
-    /// Conic programs solved.
+    /// Conic programs posed.
     pub programs: usize,
+    /// Solutions of their growing sets of rows.
+    pub solves: usize,
     /// Rows of the largest program.
     pub largest_rows: usize,
     /// Interior-point iterations in all.
@@ -223,6 +226,7 @@ pub struct TuningStats {
 impl TuningStats {
     fn add(&mut self, other: &Self) {
         self.programs += other.programs;
+        self.solves += other.solves;
         self.largest_rows = self.largest_rows.max(other.largest_rows);
         self.interior_iterations += other.interior_iterations;
         self.refused += other.refused;
@@ -342,6 +346,9 @@ const RESCUE_VIOLATION: f64 = 2e-3;
 const LONGEST_CHORD: f64 = 0.06;
 /// Programs per such start at most.
 const RESCUE_ITERATIONS: usize = 10;
+/// Trust region of the program whose duals are the prices, in scaled gains:
+/// small against a step that matters, wide against the answer's accuracy.
+const PRICE_REGION: f64 = 0.05;
 /// Price of a unit of K_I/K_P ratio violation.
 const RATIO_PRICE: f64 = 300.0;
 
@@ -534,7 +541,7 @@ impl<'a> ChannelProblem<'a> {
             let clock = Instant::now();
             let step = self.program(&x, trust);
             self.stats.assembly_time += clock.elapsed().as_secs_f64();
-            let solution = self.solve(&step.program)?;
+            let solution = self.solve(&step)?.solution;
             if !solution.status.usable() {
                 // Elastic rows make every program feasible and bounded but for
                 // the hard ones, which hold at the centre: a smaller region is
@@ -586,15 +593,111 @@ impl<'a> ChannelProblem<'a> {
         Ok(best)
     }
 
-    fn solve(&mut self, program: &Program) -> Result<Solution, TuningError> {
-        let solution = program
-            .solve()
-            .map_err(|source| TuningError::Program { channel: self.channel, source })?;
+    /// Prices of the targets at these gains, which should be a converged
+    /// answer: from the duals of the program there.
+    ///
+    /// # Errors
+    /// A program that cannot be posed.
+    pub fn prices(&mut self, gains: &[GainSet]) -> Result<Vec<Price>, TuningError> {
+        let x = self.values(gains);
+        let step = self.program(&x, PRICE_REGION);
+        let solved = self.solve(&step)?;
+        if !solved.solution.status.usable() {
+            return Ok(Vec::new());
+        }
+        let mut totals = vec![[0.0f64; Target::ALL.len()]; self.speeds.len()];
+        // A row's dual is the fall of the optimum for a unit rise of the row.
+        for &(k, place) in &solved.half_spaces {
+            let row = &step.half_spaces[k];
+            for (target, slope) in &row.tightening {
+                totals[row.speed][*target as usize] -=
+                    solved.solution.half_space_duals[place] * slope;
+            }
+        }
+        for &(k, place) in &solved.cones {
+            let cone = &step.cones[k];
+            for (target, slope) in &cone.tightening {
+                totals[cone.speed][*target as usize] -=
+                    solved.solution.cone_duals[place][0] * slope;
+            }
+        }
+        let n = self.speeds.len() as f64;
+        let mut own = vec![1.0; self.speeds.len()];
+        for site in self.sites.iter().filter(|s| s.nominal) {
+            own[site.speed] =
+                site.activity_squared(&site.gains(&x)) / self.reference_activity[site.speed];
+        }
+        let mut out = Vec::new();
+        for (v, totals) in totals.iter().enumerate() {
+            for target in Target::ALL {
+                let by = target.unit_tightening().0;
+                // The objective is the mean over speeds of activity².
+                let percent = 100.0 * by * totals[target as usize] * n / (2.0 * own[v]);
+                let (channel, speed) = (self.channel, self.speeds[v]);
+                out.push(Price { channel, speed, target, percent });
+            }
+        }
+        Ok(out)
+    }
+
+    /// Solves a program by a growing set of its rows: first those that bind
+    /// most easily, then also those that the answer violates, until it
+    /// violates none. The last answer is that of the whole program.
+    fn solve(&mut self, step: &Step) -> Result<Solved, TuningError> {
+        let mut half_spaces: Vec<bool> =
+            step.half_spaces.iter().map(|r| r.ease < FIRST_ROWS).collect();
+        let mut cones: Vec<bool> = step.cones.iter().map(|r| r.ease < FIRST_ROWS).collect();
         self.stats.programs += 1;
-        self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
-        self.stats.interior_iterations += solution.iterations;
-        self.stats.solver_time += solution.solve_time;
-        Ok(solution)
+        for round in 1.. {
+            let clock = Instant::now();
+            let mut program = step.base.clone();
+            let chosen = |flags: &[bool]| -> Vec<usize> {
+                flags.iter().enumerate().filter(|f| *f.1).map(|f| f.0).collect()
+            };
+            let places = chosen(&half_spaces)
+                .into_iter()
+                .map(|k| (k, program.require_nonnegative(step.half_spaces[k].row.clone())))
+                .collect();
+            let cone_places = chosen(&cones)
+                .into_iter()
+                .map(|k| (k, program.require_cone(step.cones[k].rows.clone())))
+                .collect();
+            self.stats.assembly_time += clock.elapsed().as_secs_f64();
+            let solution = program
+                .solve()
+                .map_err(|source| TuningError::Program { channel: self.channel, source })?;
+            self.stats.solves += 1;
+            self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
+            self.stats.interior_iterations += solution.iterations;
+            self.stats.solver_time += solution.solve_time;
+            let clock = Instant::now();
+            let mut complete = true;
+            if solution.status.usable() {
+                let all = round + 1 == MAX_ROUNDS;
+                for (row, used) in step.half_spaces.iter().zip(&mut half_spaces) {
+                    if !*used && (all || row.row.value(&solution.x) < -ROW_TOLERANCE) {
+                        *used = true;
+                        complete = false;
+                    }
+                }
+                for (cone, used) in step.cones.iter().zip(&mut cones) {
+                    let [bound, re, im] = &cone.rows;
+                    let excess = || {
+                        re.value(&solution.x).hypot(im.value(&solution.x))
+                            - bound.value(&solution.x)
+                    };
+                    if !*used && (all || excess() > ROW_TOLERANCE) {
+                        *used = true;
+                        complete = false;
+                    }
+                }
+            }
+            self.stats.assembly_time += clock.elapsed().as_secs_f64();
+            if complete || round == MAX_ROUNDS {
+                return Ok(Solved { solution, half_spaces: places, cones: cone_places });
+            }
+        }
+        unreachable!("the rounds end by themselves")
     }
 
     /// The conic program at `x` within a trust region.
@@ -623,15 +726,16 @@ impl<'a> ChannelProblem<'a> {
                 )
             })
             .collect();
-        let mut tags = Vec::new();
-        for (site, r) in self.sites.iter().zip(rows) {
-            for (kind, row) in r.half_spaces {
-                program.require_nonnegative(row);
-                tags.push(kind.map(|k| (site.speed, k)));
+        let (mut half_spaces, mut cones) = (Vec::new(), Vec::new());
+        for (mut r, site) in rows.into_iter().zip(&self.sites) {
+            for row in &mut r.half_spaces {
+                row.speed = site.speed;
             }
-            for (_, cone) in r.cones {
-                program.require_cone(cone);
+            for cone in &mut r.cones {
+                cone.speed = site.speed;
             }
+            half_spaces.append(&mut r.half_spaces);
+            cones.append(&mut r.cones);
             for (i, j, v) in r.quadratic {
                 program.add_quadratic(i, j, v);
             }
@@ -686,20 +790,59 @@ impl<'a> ChannelProblem<'a> {
                 }
             }
         }
-        Step { program, scale }
+        Step { base: program, half_spaces, cones, scale }
     }
 }
 
+/// A program in parts: objective, bounds and slacks, and the rows of the
+/// sites, of which few bind.
 struct Step {
-    program: Program,
+    base: Program,
+    half_spaces: Vec<HalfSpace>,
+    cones: Vec<Cone>,
     scale: Vec<Vec<f64>>,
 }
+
+/// A row of a site.
+struct HalfSpace {
+    row: AffineRow,
+    /// Value at the centre over the most that it can fall within the region:
+    /// below zero violated, at one it cannot bind.
+    ease: f64,
+    /// Place of the speed whose slack it has.
+    speed: usize,
+    /// Change of the row's value as its targets tighten; zero for a hard row.
+    tightening: Vec<(Target, f64)>,
+}
+
+/// A cone of a site.
+struct Cone {
+    rows: [AffineRow; 3],
+    ease: f64,
+    speed: usize,
+    tightening: Vec<(Target, f64)>,
+}
+
+/// An answer, and the places of its rows among the duals.
+struct Solved {
+    solution: Solution,
+    half_spaces: Vec<(usize, usize)>,
+    cones: Vec<(usize, usize)>,
+}
+
+/// Rows with an ease below this are in the first round of a program.
+const FIRST_ROWS: f64 = 0.25;
+/// Rounds at most; the last has all rows.
+const MAX_ROUNDS: usize = 5;
+/// Violation of a row that brings it into the next round, in units of the row:
+/// far below what the dense verification resolves.
+const ROW_TOLERANCE: f64 = 1e-6;
 
 /// Contribution of one site to a program.
 #[derive(Default)]
 struct SiteRows {
-    half_spaces: Vec<(Option<Requirement>, AffineRow)>,
-    cones: Vec<(Requirement, [AffineRow; 3])>,
+    half_spaces: Vec<HalfSpace>,
+    cones: Vec<Cone>,
     quadratic: Vec<(usize, usize, f64)>,
     linear: Vec<(usize, f64)>,
 }
@@ -872,16 +1015,21 @@ impl Site {
         let scaled = |f: &Affine, by: C| -> Affine { f.map(|v| v * by) };
         // The least and largest a row can be within the region.
         let spread = |row: &AffineRow| trust * row.terms.iter().map(|t| t.1.abs()).sum::<f64>();
-        let push = |out: &mut SiteRows, kind: Option<Requirement>, mut row: AffineRow| {
+        let push = |out: &mut SiteRows,
+                    kind: Option<Requirement>,
+                    mut row: AffineRow,
+                    tightening: Vec<(Target, f64)>| {
             // A row that cannot bind within the region is left out: exact, and
             // most rows go that way.
-            if row.constant - spread(&row) >= 0.0 {
+            let spread = spread(&row);
+            if row.constant >= spread {
                 return;
             }
             if let Some(k) = kind {
                 row.terms.push((slack + k as usize, 1.0));
             }
-            out.half_spaces.push((kind, row));
+            let ease = row.constant / spread;
+            out.half_spaces.push(HalfSpace { row, ease, speed: 0, tightening });
         };
         for (cut, kite) in self.kites.iter().enumerate() {
             let points: Vec<(Affine, Affine, C)> = (0..n)
@@ -902,7 +1050,7 @@ impl Site {
                 for (d, _, _) in &points[k..=k + 1] {
                     let mut row = real_row(normal, d, dependence);
                     row.constant -= STABILITY_FLOOR.min(0.5 * row.constant.abs());
-                    push(&mut out, None, row);
+                    push(&mut out, None, row, Vec::new());
                 }
                 if separation.distance > MARGIN_DISTANCE {
                     continue;
@@ -910,13 +1058,21 @@ impl Site {
                 // The two vertices nearest to the separating line; the others
                 // follow unless D̄ turns far within the region, and then the
                 // exact merit refuses the step.
-                let mut vertices: Vec<C> = kite.vertices().to_vec();
-                vertices.sort_by(|p, q| (normal.conj() * q).re.total_cmp(&(normal.conj() * p).re));
+                let mut vertices: Vec<(C, [C; 2])> = kite.vertices_with_slopes().collect();
+                vertices
+                    .sort_by(|p, q| (normal.conj() * q.0).re.total_cmp(&(normal.conj() * p.0).re));
                 for (d, b, _) in &points[k..=k + 1] {
-                    for z in &vertices[..2] {
+                    for (z, slopes) in &vertices[..2] {
                         // Re n*(L − z) D̄/D̄₀, affine in the gains.
                         let f: Affine = std::array::from_fn(|i| d[i] - (1.0 + z) * b[i]);
-                        push(&mut out, Some(Requirement::Margin), real_row(normal, &f, dependence));
+                        // D̄ = D̄₀ here.
+                        let slope = |k: usize| -(normal.conj() * slopes[k]).re;
+                        push(
+                            &mut out,
+                            Some(Requirement::Margin),
+                            real_row(normal, &f, dependence),
+                            vec![(Target::PhaseMargin, slope(0)), (Target::GainMargin, slope(1))],
+                        );
                     }
                 }
             }
@@ -932,22 +1088,19 @@ impl Site {
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
                         t.1 -= s.1;
                     }
-                    push(&mut out, Some(Requirement::CrossoverMin), row);
+                    // |L| falls as the bound moves up.
+                    let k = nearest(&l.omega, w);
+                    let fall = log_slope(&l.omega, k, |k| points[k].2.norm());
+                    let tightening = vec![(Target::CrossoverMin, fall)];
+                    push(&mut out, Some(Requirement::CrossoverMin), row, tightening);
                 }
                 if let Some(w) = self.targets.crossover_max {
                     for k in self.above(w).take(8).step_by(2) {
                         let (d, b, _) = &points[k];
                         let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                         let bound = real_row(C::new(1.0, 0.0), b, dependence);
-                        push_cone(
-                            &mut out,
-                            Requirement::CrossoverMax,
-                            bound,
-                            &f,
-                            dependence,
-                            slack,
-                            trust,
-                        );
+                        let slack = slack + Requirement::CrossoverMax as usize;
+                        push_cone(&mut out, bound, &f, dependence, slack, trust, Vec::new());
                     }
                 }
             }
@@ -973,7 +1126,17 @@ impl Site {
             for t in &mut bound.terms {
                 t.1 *= level;
             }
-            push_cone(out, kind, bound, &f, dependence, slack, trust);
+            // The bound falls with the level of a peak, the curve rises with the
+            // frequency of a bandwidth.
+            let size = |k: usize| {
+                let free: Vec<f64> = without_hold(l.channel, x);
+                (affine_value(&l.full[k], &free) / affine_value(&l.full[k], x)).norm()
+            };
+            let tightening = match kind {
+                Requirement::RejectionPeak => vec![(Target::Drp, -level)],
+                _ => vec![(Target::Drb, -log_slope(&l.omega, k, size))],
+            };
+            push_cone(out, bound, &f, dependence, slack + kind as usize, trust, tightening);
         };
         let level = self.rejection_level(options);
         for &k in &self.rejection_points {
@@ -1023,23 +1186,80 @@ impl Site {
 #[allow(clippy::too_many_arguments)]
 fn push_cone(
     out: &mut SiteRows,
-    kind: Requirement,
     mut bound: AffineRow,
     f: &Affine,
     dependence: &[Dependence],
     slack: usize,
     trust: f64,
+    tightening: Vec<(Target, f64)>,
 ) {
-    let least = bound.constant - trust * bound.terms.iter().map(|t| t.1.abs()).sum::<f64>();
-    let most = f[0].norm()
-        + trust * dependence.iter().map(|d| f[1 + d.gain].norm() * d.slope).sum::<f64>();
-    if least >= most {
+    let room = bound.constant - f[0].norm();
+    let spread = trust
+        * (bound.terms.iter().map(|t| t.1.abs()).sum::<f64>()
+            + dependence.iter().map(|d| f[1 + d.gain].norm() * d.slope).sum::<f64>());
+    if room >= spread {
         return;
     }
-    bound.terms.push((slack + kind as usize, 1.0));
+    bound.terms.push((slack, 1.0));
     let re = real_row(C::new(1.0, 0.0), f, dependence);
     let im = real_row(C::new(0.0, 1.0), f, dependence);
-    out.cones.push((kind, [bound, re, im]));
+    out.cones.push(Cone { rows: [bound, re, im], ease: room / spread, speed: 0, tightening });
+}
+
+/// Slope of a quantity over the logarithm of frequency at a grid point.
+fn log_slope(omega: &[f64], k: usize, value: impl Fn(usize) -> f64) -> f64 {
+    let (a, b) = (k.saturating_sub(1), (k + 1).min(omega.len() - 1));
+    if a == b { 0.0 } else { (value(b) - value(a)) / (omega[b] / omega[a]).ln() }
+}
+
+/// A target of a channel that can be moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// Phase margin, deg.
+    PhaseMargin,
+    /// Gain margins, dB.
+    GainMargin,
+    /// Disturbance rejection bandwidth, rad/s.
+    Drb,
+    /// Disturbance rejection peak, dB.
+    Drp,
+    /// Least crossover, rad/s.
+    CrossoverMin,
+}
+
+impl Target {
+    /// All targets.
+    pub const ALL: [Target; 5] =
+        [Target::PhaseMargin, Target::GainMargin, Target::Drb, Target::Drp, Target::CrossoverMin];
+
+    /// The tightening that its price is of: in rad, natural logarithm of a
+    /// gain factor, of a level or of a frequency, and in words.
+    pub fn unit_tightening(self) -> (f64, &'static str) {
+        const NEPER_PER_DECIBEL: f64 = std::f64::consts::LN_10 / 20.0;
+        match self {
+            Target::PhaseMargin => (std::f64::consts::PI / 180.0, "1 deg more"),
+            Target::GainMargin => (0.25 * NEPER_PER_DECIBEL, "0.25 dB more"),
+            Target::Drb => (0.02, "2 % more"),
+            Target::Drp => (0.1 * NEPER_PER_DECIBEL, "0.1 dB less"),
+            Target::CrossoverMin => (0.02, "2 % more"),
+        }
+    }
+}
+
+/// Price of a target at a speed, from the duals of the last program.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Price {
+    /// The channel.
+    pub channel: Channel,
+    /// Speed, m/s.
+    pub speed: f64,
+    /// The target.
+    pub target: Target,
+    /// Rise of the actuator activity at this speed for
+    /// [`Target::unit_tightening`], %; to first order, with the other speeds'
+    /// part of the cost counted as if it arose here.
+    pub percent: f64,
 }
 
 /// What the sweeps over channels share.
@@ -1306,6 +1526,8 @@ pub struct Tuning {
     pub inversions: Vec<Inversion>,
     /// Exact merit of each channel at the end.
     pub merits: Vec<(Channel, Merit)>,
+    /// What each target costs.
+    pub prices: Vec<Price>,
     /// Sweeps made.
     pub sweeps: usize,
     /// Largest relative change of a gain in the last sweep.
@@ -1495,6 +1717,15 @@ impl TuningProblem<'_> {
         }
         let clock = Instant::now();
         let speeds = self.set.speeds();
+        let closed: Vec<(Channel, ChannelSpec)> = self
+            .channels
+            .iter()
+            .filter(|c| speeds.iter().any(|v| c.1.applies(*v)))
+            .copied()
+            .collect();
+        if closed.is_empty() {
+            return Err(TuningError::Empty("no axis is closed at any of the speeds"));
+        }
         let classes: Vec<ModelClass> = self.set.models.iter().map(|m| m.class).collect();
         let inversions: Vec<Inversion> =
             self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
@@ -1521,9 +1752,9 @@ impl TuningProblem<'_> {
                 g[c.index()] = ChannelGains::default();
             }
         }
-        let (outer, inner): (Vec<_>, Vec<_>) =
-            self.channels.iter().copied().partition(|c| c.0.is_outer());
-        let (mut merits, mut sweeps, mut last_change) = (Vec::new(), 0, 0.0f64);
+        let (outer, inner): (Vec<_>, Vec<_>) = closed.into_iter().partition(|c| c.0.is_outer());
+        let (mut merits, mut prices) = (Vec::new(), Vec::new());
+        let (mut sweeps, mut last_change) = (0, 0.0f64);
         for (group, is_outer) in [(inner, false), (outer, true)] {
             if group.is_empty() {
                 continue;
@@ -1568,11 +1799,25 @@ impl TuningProblem<'_> {
                 let again = run.sweeps(&group, &mut gains, &mut stats)?;
                 done = Sweeps { sweeps: done.sweeps + again.sweeps, ..again };
             }
+            for (channel, spec) in &group {
+                let mut problem = ChannelProblem::new(
+                    *channel,
+                    spec,
+                    &classes,
+                    &models,
+                    &speeds,
+                    &gains,
+                    1.0,
+                    &self.options,
+                );
+                prices.extend(problem.prices(&gains)?);
+                stats.add(&problem.stats);
+            }
             merits.extend(done.merits);
             sweeps = sweeps.max(done.sweeps);
             last_change = last_change.max(done.last_change);
         }
-        Ok(Tuning { speeds, gains, inversions, merits, sweeps, last_change, stats })
+        Ok(Tuning { speeds, gains, inversions, merits, prices, sweeps, last_change, stats })
     }
 }
 
@@ -1602,7 +1847,7 @@ pub fn equivalent_delay(
         let x = model.states(w);
         (0..8).fold(C::new(0.0, 0.0), |sum, k| {
             let column =
-                (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.decoupling[(j, i)]);
+                (0..4).fold(C::new(0.0, 0.0), |s, j| s + x[k][j] * inversion.allocation[(j, i)]);
             sum + column * inversion.outputs[(i, k)]
         })
     };

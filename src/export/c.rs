@@ -9,7 +9,7 @@ const SOURCE: &str = include_str!("templates/law.c");
 const HYBRID: &str = include_str!("templates/hybrid.c");
 
 /// Constants of the description that the code needs, and their names there.
-pub(super) const CONSTANTS: [(&str, &str); 11] = [
+pub(super) const CONSTANTS: [(&str, &str); 14] = [
     ("KAPPA", "kappa"),
     ("ROLL_FREQUENCY", "roll_frequency"),
     ("PITCH_FREQUENCY", "pitch_frequency"),
@@ -20,7 +20,10 @@ pub(super) const CONSTANTS: [(&str, &str); 11] = [
     ("TURN_WIDTH", "turn_coordination_width"),
     ("GRAVITY", "gravity"),
     ("ATTITUDE_LIMIT", "attitude_limit"),
-    ("STEP", ""),
+    ("OUTER_SLOWNESS", "outer_slowness"),
+    ("ACCELERATION_LIMIT", "acceleration_limit"),
+    ("SCHEDULE_LEAD", "schedule_lead"),
+    ("FORGETTING", "forgetting"),
 ];
 
 /// A number as a C constant.
@@ -58,7 +61,7 @@ pub(super) fn texts(input: &Input) -> (String, String) {
     }
     let mut constants = String::new();
     for (name, key) in CONSTANTS {
-        if let Ok(c) = d.constants.iter().find(|c| c.name == key).ok_or(()) {
+        if let Some(c) = d.constants.iter().find(|c| c.name == key) {
             constants += &format!(
                 "static const real {name} = {}; /* {}, {} */\n",
                 real(c.value),

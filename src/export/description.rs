@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use crate::control::axis::{Channel, ChannelGains};
-use crate::control::law::ATTITUDE_LIMIT;
+use crate::control::law::{
+    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, SCHEDULE_LEAD,
+};
 use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
 use crate::schedule::{self, Matrices, Point, Provenance, Schedule, ScheduleError};
@@ -203,7 +205,7 @@ impl Form {
 }
 
 /// Every table, in the order of files.
-pub const FORMS: [Form; 13] = [
+pub const FORMS: [Form; 14] = [
     Form {
         name: "gains",
         meaning: "gains of the inner axes and of the outer velocity loops",
@@ -241,7 +243,14 @@ pub const FORMS: [Form; 13] = [
     },
     Form {
         name: "decoupling",
-        meaning: "B_d^-1: sticks from nu",
+        meaning: "B_d^-1: sticks from the nu that is commanded",
+        needed_by_law: true,
+        rows: &STICKS,
+        columns: &NU,
+    },
+    Form {
+        name: "allocation",
+        meaning: "M: sticks from the nu that feedback asks for",
         needed_by_law: true,
         rows: &STICKS,
         columns: &NU,
@@ -298,7 +307,7 @@ pub const FORMS: [Form; 13] = [
 ];
 
 /// Names, units and meanings of the constants, in the order of files.
-const CONSTANTS: [(&str, &str, &str); 24] = [
+const CONSTANTS: [(&str, &str, &str); 28] = [
     ("kappa", "1", "share of the velocity terms of F that feedback cancels"),
     ("hybrid_feedforward", "1", "1 if the rest of them is fed forward from the reference model"),
     ("reference_delay", "s", "delay of the references in the error path"),
@@ -311,6 +320,10 @@ const CONSTANTS: [(&str, &str, &str); 24] = [
     ("turn_coordination_width", "m/s", "full width of the blend"),
     ("gravity", "m/s^2", "standard gravity"),
     ("attitude_limit", "rad", "largest attitude change that a velocity loop commands"),
+    ("outer_slowness", "1", "time constant of a velocity reference times the attitude's frequency"),
+    ("acceleration_limit", "m/s^2", "largest horizontal acceleration of a velocity reference"),
+    ("schedule_lead", "m/s", "farthest that the speed of the schedule lies from the speed flown"),
+    ("forgetting", "s", "time constant of the lateral velocity integral under turn coordination"),
     ("stick_lat_min", "%", "lower limit of the lateral stick"),
     ("stick_lat_max", "%", "upper limit of the lateral stick"),
     ("stick_lon_min", "%", "lower limit of the longitudinal stick"),
@@ -347,11 +360,17 @@ pub(super) fn constant_forms() -> impl Iterator<Item = Constant> {
 
 /// Constants that have a value of their own in every law and are only
 /// repeated for other programs.
-pub const FIXED: [(&str, f64); 2] =
-    [("gravity", STANDARD_GRAVITY), ("attitude_limit", ATTITUDE_LIMIT)];
+pub const FIXED: [(&str, f64); 6] = [
+    ("gravity", STANDARD_GRAVITY),
+    ("attitude_limit", ATTITUDE_LIMIT),
+    ("outer_slowness", OUTER_SLOWNESS),
+    ("acceleration_limit", ACCELERATION_LIMIT),
+    ("schedule_lead", SCHEDULE_LEAD),
+    ("forgetting", FORGETTING),
+];
 
 /// How to read and run the tables.
-const RULES: [(&str, &str); 7] = [
+const RULES: [(&str, &str); 8] = [
     (
         "interpolation",
         "element by element, linear in true airspeed: (1 - t) a + t b with \
@@ -371,20 +390,29 @@ const RULES: [(&str, &str); 7] = [
     ),
     (
         "inversion",
-        "sticks = trim_sticks + decoupling (nu - F_att x - kappa F_uvw x - (1 - kappa) F_uvw \
-         x_ref), x the deviation of u v w p q r phi theta from the trim at V, F_uvw the first \
-         three columns of F",
+        "sticks = trim_sticks + decoupling (nu_c - F x_ref) + allocation (nu_e - F_k (x - x_ref)); \
+         x is the deviation of u v w p q r phi theta from the trim, F_k is F with its first three \
+         columns times kappa; without hybrid_feedforward x_ref is zero here",
     ),
     (
         "nu",
-        "attitudes: reference'' + k_d (reference'(t - reference_delay) - measured') + k_p e + \
-         k_i int(e), e = reference(t - reference_delay) - measured; r and V_z: reference' + k_p e \
-         + k_i int(e)",
+        "nu_c = reference'' (phi, theta), reference' (r, V_z); nu_e = k_d (reference'(t - \
+         reference_delay) - measured') + k_p e + k_i int(e), e = reference(t - reference_delay) - \
+         measured",
     ),
     (
         "velocity_loops",
-        "theta_c = theta_trim - (k_p e_x + k_i int(e_x)) / gravity, phi_c = phi_trim + (k_p e_y + \
-         k_i int(e_y)) / gravity, each change held to +-attitude_limit; e in heading axes",
+        "theta_c = theta_trim - (a_x + k_p e_x + k_i int(e_x)) / gravity, phi_c = phi_trim + (a_y + \
+         k_p e_y + k_i int(e_y)) / gravity + atan(v_x heading_rate / gravity), each change held to \
+         +-attitude_limit; a is the rate of a first-order lag of the command with time constant \
+         outer_slowness over the attitude's frequency, held to +-acceleration_limit; v_x is that lag; \
+         e is that lag through the attitude command model, reference_delay late, less the velocity \
+         flown in heading axes",
+    ),
+    (
+        "schedule",
+        "tables are read at the airspeed, and under a velocity demand at the airspeed plus e_x held \
+         to +-schedule_lead; never below zero",
     ),
 ];
 
@@ -666,6 +694,7 @@ impl Description {
                 output_rates: m("output_rates")?,
                 feedback: m("feedback")?,
                 decoupling: m("decoupling")?,
+                allocation: m("allocation")?,
                 ground_velocity: m("ground_velocity")?,
                 reference_state: m("reference_state")?,
                 reference_input: m("reference_input")?,
@@ -696,6 +725,7 @@ fn entries(point: &Point, form: &Form) -> Vec<Vec<f64>> {
         "trim_sticks" => column(&point.trim.sticks),
         "feedback" => m.feedback.clone(),
         "decoupling" => m.decoupling.clone(),
+        "allocation" => m.allocation.clone(),
         "reference_state" => m.reference_state.clone(),
         "reference_input" => m.reference_input.clone(),
         "reference_dynamics" => m.reference_dynamics.clone(),
@@ -721,6 +751,10 @@ fn constant(schedule: &Schedule, name: &str) -> f64 {
         "turn_coordination_width" => schedule.turn_coordination_width,
         "gravity" => STANDARD_GRAVITY,
         "attitude_limit" => ATTITUDE_LIMIT,
+        "outer_slowness" => OUTER_SLOWNESS,
+        "acceleration_limit" => ACCELERATION_LIMIT,
+        "schedule_lead" => SCHEDULE_LEAD,
+        "forgetting" => FORGETTING,
         "stick_lat_min" => s[0][0],
         "stick_lat_max" => s[0][1],
         "stick_lon_min" => s[1][0],
@@ -758,7 +792,7 @@ mod tests {
         let description = Description::new(&schedule, Vec::new()).unwrap();
         assert_eq!(description.schedule().unwrap(), schedule);
         let entries: usize = FORMS.iter().map(|f| f.size().0 * f.size().1).sum();
-        assert_eq!(entries, 18 + 3 + 2 + 4 + 32 + 16 + 16 + 48 + 16 + 8 + 32 + 32 + 16);
+        assert_eq!(entries, 18 + 3 + 2 + 4 + 32 + 16 + 16 + 16 + 48 + 16 + 8 + 32 + 32 + 16);
     }
 
     #[test]

@@ -162,7 +162,6 @@ pub(super) fn files(input: &Input) -> Vec<File> {
     for (name, value, meaning) in INPUTS {
         w.declare(&format!("in/{name}"), value, meaning);
     }
-    tables(&mut w);
     law(&mut w);
     let o = input.options;
     let text = format!(
@@ -208,7 +207,7 @@ fn tables(w: &mut Writer) {
                 let table = format!(
                     "<table><independentVar lookup=\"row\">{}</independentVar><tableData>{data}\n\
                      \x20     </tableData></table>",
-                    w.name("in/airspeed-m_sec")
+                    w.name("schedule-m_sec")
                 );
                 w.set(&entry_property(t, row, column), &table);
             }
@@ -222,6 +221,9 @@ fn law(w: &mut Writer) {
         w.input.description.constants.iter().find(|c| c.name == name).map_or(0.0, |c| c.value)
     };
     let (gravity, limit) = (constant("gravity"), constant("attitude_limit"));
+    let (slowness, acceleration_limit) =
+        (constant("outer_slowness"), constant("acceleration_limit"));
+    let (lead_limit, forgetting) = (constant("schedule_lead"), constant("forgetting"));
     let (turn, width) =
         (w.input.schedule.turn_coordination_speed, w.input.schedule.turn_coordination_width);
     let limits = w.input.schedule.stick_limits;
@@ -266,28 +268,52 @@ fn law(w: &mut Writer) {
         "kinematics/theta-dot-rad_sec",
         &minus(product(&[rates[1].clone(), cp.clone()]), product(&[rates[2].clone(), sp])),
     );
-    let trim_velocity: [X; 3] = std::array::from_fn(|i| w.value("trim_velocity", i, 0));
-    let trim_roll = w.value("trim_attitude", 0, 0);
-    let trim_pitch = w.value("trim_attitude", 1, 0);
 
     w.section("memory of the last frame, or the start from what is measured");
     let started = w.p("started");
     let reset = input(w, "reset");
     let fresh = w.set("fresh", &op("or", &[above(reset, v(0.5)), below(started, v(0.5))]));
     w.set("started", &v(1.0));
-    let measured = [phi.clone(), theta.clone(), rates[2].clone(), vertical.clone()];
+    let in_velocity = above(input(w, "velocity-mode"), v(0.5));
+    let was = above(w.p("velocity-mode-before"), v(0.5));
+    // References of velocity begin anew with the velocity mode.
+    let entered =
+        w.set("entered", &op("or", &[fresh.clone(), both(in_velocity.clone(), op("not", &[was]))]));
+    w.set("velocity-mode-before", &pick(in_velocity.clone(), v(1.0), v(0.0)));
+    let measured = [
+        phi.clone(),
+        theta.clone(),
+        rates[2].clone(),
+        vertical.clone(),
+        forward.clone(),
+        right.clone(),
+    ];
     let names = ["phi", "theta", "r", "v-z"];
+    let velocities = ["v-x", "v-y"];
+    let anew = |name: &str| {
+        if name.starts_with("v-x") || name.starts_with("v-y") {
+            entered.clone()
+        } else {
+            fresh.clone()
+        }
+    };
     let mut last = Vec::new();
-    for (name, m) in names.iter().zip(&measured) {
+    for (name, m) in names.iter().chain(&velocities).zip(&measured) {
         let old = w.p(&format!("reference/{name}"));
-        let x = pick(fresh.clone(), m.clone(), old);
+        let x = pick(anew(name), m.clone(), old);
         last.push(w.set(&format!("last/reference-{name}"), &x));
     }
     let mut last_rate = Vec::new();
-    for name in &names[..2] {
+    for name in names[..2].iter().chain(&velocities) {
         let old = w.p(&format!("reference/{name}-rate"));
-        let x = pick(fresh.clone(), v(0.0), old);
+        let x = pick(anew(name), v(0.0), old);
         last_rate.push(w.set(&format!("last/reference-{name}-rate"), &x));
+    }
+    let mut last_command = Vec::new();
+    for (k, name) in velocities.iter().enumerate() {
+        let old = w.p(&format!("command/{name}"));
+        let x = pick(entered.clone(), measured[4 + k].clone(), old);
+        last_command.push(w.set(&format!("last/command-{name}"), &x));
     }
     let mut integral = Vec::new();
     for name in names {
@@ -298,9 +324,46 @@ fn law(w: &mut Writer) {
     for name in ["v-x", "v-y"] {
         let old = w.p(&format!("integral/{name}"));
         velocity_integral
-            .push(w.set(&format!("last/integral-{name}"), &pick(fresh.clone(), v(0.0), old)));
+            .push(w.set(&format!("last/integral-{name}"), &pick(entered.clone(), v(0.0), old)));
     }
-    // Declared before they are set further down, since they are read here.
+    w.section("references of the past: from the oldest on, each takes the next one's last value");
+    let mut lines: Vec<(String, X, X)> = Vec::new();
+    for (k, name) in names.iter().chain(&velocities).enumerate() {
+        lines.push(((*name).into(), measured[k].clone(), last[k].clone()));
+    }
+    for (k, name) in names.iter().take(2).enumerate() {
+        lines.push((format!("{name}-rate"), v(0.0), last_rate[k].clone()));
+    }
+    let mut past = Vec::new();
+    for (name, start, last) in lines {
+        for k in (2..=delay).rev() {
+            let next = w.p(&format!("delay/{name}-{}", k - 1));
+            w.set(&format!("delay/{name}-{k}"), &pick(anew(&name), start.clone(), next));
+        }
+        if delay > 0 {
+            w.set(&format!("delay/{name}-1"), &sum(&[last.clone()]));
+            past.push(w.p(&format!("delay/{name}-{delay}")));
+        } else {
+            // Without a delay the velocity errors see the last reference.
+            past.push(last);
+        }
+    }
+    let due = past[4..6].to_vec();
+
+    w.section("speed of the schedule");
+    let lead = pick(
+        in_velocity.clone(),
+        held(minus(due[0].clone(), forward.clone()), -lead_limit, lead_limit),
+        v(0.0),
+    );
+    let airspeed = input(w, "airspeed-m_sec");
+    w.set("schedule-m_sec", &op("max", &[sum(&[airspeed.clone(), lead]), v(0.0)]));
+    tables(w);
+    let trim_velocity: [X; 3] = std::array::from_fn(|i| w.value("trim_velocity", i, 0));
+    let trim_roll = w.value("trim_attitude", 0, 0);
+    let trim_pitch = w.value("trim_attitude", 1, 0);
+
+    w.section("the reference model's velocities, from the trim at the speed of the schedule");
     let mut model = Vec::new();
     for (k, name) in ["u", "v"].iter().enumerate() {
         let (old, trim) = (w.p(&format!("model/{name}")), w.p(&format!("model/trim-{name}")));
@@ -313,30 +376,63 @@ fn law(w: &mut Writer) {
     }
 
     w.section("outer loops and turn coordination");
-    let in_velocity = above(input(w, "velocity-mode"), v(0.5));
+    let heading_rate = input(w, "heading-rate-rad_sec");
+    let t = w.set(
+        "turn/t",
+        &held(sum(&[over(minus(airspeed.clone(), v(turn)), v(width)), v(0.5)]), 0.0, 1.0),
+    );
+    let blend = w
+        .set("turn/blend", &product(&[t.clone(), t.clone(), minus(v(3.0), product(&[v(2.0), t]))]));
+    let frequencies = [settings.pitch_frequency, settings.roll_frequency];
+    let mut velocity_command = Vec::new();
     let mut limited = Vec::new();
-    for (k, name) in ["v-x", "v-y"].iter().enumerate() {
+    for (k, name) in velocities.iter().enumerate() {
         let command = input(w, &format!("command-{}", k + 1));
-        let flown = if k == 0 { forward.clone() } else { right.clone() };
-        let error = w.set(&format!("error/{name}"), &minus(command, flown));
-        let raw = w.set(
-            &format!("command/{name}-raw"),
-            &over(
-                sum(&[
-                    product(&[w.value("gains", 4 + k, 1), error.clone()]),
-                    product(&[w.value("gains", 4 + k, 2), velocity_integral[k].clone()]),
-                ]),
-                v(gravity),
+        let acceleration = w.set(
+            &format!("command/{name}-acceleration"),
+            &held(
+                over(
+                    product(&[minus(command, last_command[k].clone()), v(frequencies[k])]),
+                    v(slowness),
+                ),
+                -acceleration_limit,
+                acceleration_limit,
             ),
         );
+        velocity_command.push(w.set(
+            &format!("command/{name}"),
+            &sum(&[last_command[k].clone(), product(&[dt(), acceleration.clone()])]),
+        ));
+        let flown = if k == 0 { forward.clone() } else { right.clone() };
+        let error = w.set(&format!("error/{name}"), &minus(due[k].clone(), flown));
+        let mut asked = over(
+            sum(&[
+                acceleration,
+                product(&[w.value("gains", 4 + k, 1), error.clone()]),
+                product(&[w.value("gains", 4 + k, 2), velocity_integral[k].clone()]),
+            ]),
+            v(gravity),
+        );
+        // Where turn coordination has the bank, the lateral integral has
+        // nothing to do and is forgotten.
+        let mut step = product(&[dt(), error.clone()]);
+        let mut kept = v(1.0);
+        if k == 1 {
+            let turn =
+                over(product(&[velocity_command[0].clone(), heading_rate.clone()]), v(gravity));
+            asked = sum(&[asked, op("atan", &[turn])]);
+            step = product(&[dt(), minus(v(1.0), blend.clone()), error.clone()]);
+            kept = minus(v(1.0), over(product(&[dt(), blend.clone()]), v(forgetting)));
+        }
+        let raw = w.set(&format!("command/{name}-raw"), &asked);
         let size = op("abs", std::slice::from_ref(&raw));
         let outward =
             both(above(size, v(limit)), above(product(&[raw.clone(), error.clone()]), v(0.0)));
         // Anti-windup: hold while the attitude limit is reached.
-        let grow = both(in_velocity.clone(), op("not", &[outward]));
+        let grown = sum(&[velocity_integral[k].clone(), pick(outward, v(0.0), step)]);
         w.set(
             &format!("integral/{name}"),
-            &sum(&[velocity_integral[k].clone(), pick(grow, product(&[dt(), error]), v(0.0))]),
+            &pick(in_velocity.clone(), product(&[grown, kept]), velocity_integral[k].clone()),
         );
         limited.push(w.set(&format!("command/{name}-limited"), &held(raw, -limit, limit)));
     }
@@ -347,14 +443,6 @@ fn law(w: &mut Writer) {
     let asked: [X; 2] = std::array::from_fn(|k| {
         pick(in_velocity.clone(), from_velocity[k].clone(), input(w, &format!("command-{}", k + 1)))
     });
-    let airspeed = input(w, "airspeed-m_sec");
-    let heading_rate = input(w, "heading-rate-rad_sec");
-    let t = w.set(
-        "turn/t",
-        &held(sum(&[over(minus(airspeed.clone(), v(turn)), v(width)), v(0.5)]), 0.0, 1.0),
-    );
-    let blend = w
-        .set("turn/blend", &product(&[t.clone(), t.clone(), minus(v(3.0), product(&[v(2.0), t]))]));
     let coordinated = op("atan", &[over(product(&[airspeed, heading_rate.clone()]), v(gravity))]);
     let roll_command = w.set(
         "command/phi",
@@ -406,32 +494,12 @@ fn law(w: &mut Writer) {
         feed.push(rate);
     }
 
-    w.section("references of the past: from the oldest on, each takes the next one's last value");
-    let mut lines: Vec<(String, X, X, X)> = Vec::new();
-    for (k, name) in names.iter().enumerate() {
-        lines.push(((*name).into(), measured[k].clone(), last[k].clone(), reference[k].clone()));
-    }
-    for (k, name) in names.iter().take(2).enumerate() {
-        lines.push((
-            format!("{name}-rate"),
-            v(0.0),
-            last_rate[k].clone(),
-            reference_rate[k].clone(),
-        ));
-    }
-    let mut delayed = Vec::new();
-    for (name, start, last, now) in lines {
-        for k in (2..=delay).rev() {
-            let next = w.p(&format!("delay/{name}-{}", k - 1));
-            w.set(&format!("delay/{name}-{k}"), &pick(fresh.clone(), start.clone(), next));
-        }
-        if delay > 0 {
-            w.set(&format!("delay/{name}-1"), &sum(&[last]));
-            delayed.push(w.p(&format!("delay/{name}-{delay}")));
-        } else {
-            delayed.push(now);
-        }
-    }
+    // What the errors see.
+    let delayed: Vec<X> = if delay > 0 {
+        [&past[..4], &past[6..]].concat()
+    } else {
+        [reference.as_slice(), reference_rate.as_slice()].concat()
+    };
 
     w.section("accelerations wanted of phi, theta, r, V_z");
     let mut error = Vec::new();
@@ -466,9 +534,9 @@ fn law(w: &mut Writer) {
     }
     let measured_rate = [phi_dot, theta_dot];
     let mut nu = Vec::new();
+    let mut commanded = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let mut wanted = vec![
-            feed[i].clone(),
             product(&[w.value("gains", i, 1), error[i].clone()]),
             product(&[w.value("gains", i, 2), integral[i].clone()]),
         ];
@@ -478,17 +546,22 @@ fn law(w: &mut Writer) {
                 minus(delayed[4 + i].clone(), measured_rate[i].clone()),
             ]));
         }
-        let attitude: Vec<X> = (3..8)
-            .filter_map(|j| Some(product(&[w.entry("feedback", i, j)?, deviation[j].clone()])))
-            .collect();
-        let velocity = sum(&w.terms("feedback", i, &deviation[..3]));
-        let mut natural = attitude;
-        natural.push(product(&[v(settings.kappa), velocity]));
+        // F x with the velocity terms times kappa.
+        let cancelled = |w: &Writer, x: &[X]| -> X {
+            let mut terms = w.terms("feedback", i, x);
+            let velocity = w.terms("feedback", i, &x[..3]);
+            terms.drain(..velocity.len());
+            terms.push(product(&[v(settings.kappa), sum(&velocity)]));
+            sum(&terms)
+        };
+        let mut asked = minus(sum(&wanted), cancelled(w, &deviation));
+        let mut fed = feed[i].clone();
         if settings.hybrid_feedforward {
-            let fed = sum(&w.terms("feedback", i, &ideal[..3]));
-            natural.push(product(&[v(1.0 - settings.kappa), fed]));
+            asked = sum(&[asked, cancelled(w, &ideal)]);
+            fed = minus(fed, sum(&w.terms("feedback", i, &ideal)));
         }
-        nu.push(w.set(&format!("acceleration/{name}"), &minus(sum(&wanted), sum(&natural))));
+        nu.push(w.set(&format!("feedback/{name}"), &asked));
+        commanded.push(w.set(&format!("commanded/{name}"), &sum(&[fed])));
     }
     for (k, name) in ["u", "v"].iter().enumerate() {
         let mut terms = w.terms("reference_dynamics", k, &ideal);
@@ -501,7 +574,8 @@ fn law(w: &mut Writer) {
     let mut wanted = Vec::new();
     for (j, stick) in sticks.iter().enumerate() {
         let mut terms = vec![w.value("trim_sticks", j, 0)];
-        terms.push(sum(&w.terms("decoupling", j, &nu)));
+        terms.push(sum(&w.terms("decoupling", j, &commanded)));
+        terms.push(sum(&w.terms("allocation", j, &nu)));
         wanted.push(w.set(&format!("wanted/{stick}"), &sum(&terms)));
     }
     for (j, stick) in sticks.iter().enumerate() {
@@ -509,7 +583,7 @@ fn law(w: &mut Writer) {
         w.set(&format!("sticks/{stick}"), &x);
     }
     for (i, (name, e)) in names.iter().zip([0, 1, 3, 2]).enumerate() {
-        let push = product(&[w.value("decoupling", e, i), error[i].clone()]);
+        let push = product(&[w.value("allocation", e, i), error[i].clone()]);
         let stuck = op(
             "or",
             &[

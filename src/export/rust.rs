@@ -47,9 +47,12 @@ pub(super) fn files(input: &Input) -> Vec<File> {
         table += &list(&reals(values), "        ", 96);
         table += "    ],\n";
     }
-    let hybrid = if input.schedule.law.hybrid_feedforward { HYBRID } else { "" };
+    // Without it nothing changes the commanded accelerations.
+    let fed = input.schedule.law.hybrid_feedforward;
+    let (hybrid, commanded) = if fed { (HYBRID, "let mut") } else { ("", "let") };
     let values: Vec<(&str, String)> = vec![
         ("HYBRID", hybrid.into()),
+        ("LET", commanded.into()),
         ("BANNER", comment(&d.banner(), "//! ", 96)),
         ("PLACES", places),
         ("CONSTANTS", constants),

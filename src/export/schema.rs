@@ -91,6 +91,7 @@ pub fn schedule_schema() -> Value {
             matrix_of("output_rates"),
             matrix_of("feedback"),
             matrix_of("decoupling"),
+            matrix_of("allocation"),
             matrix_of("ground_velocity"),
             matrix_of("reference_state"),
             matrix_of("reference_input"),

@@ -204,6 +204,7 @@ pub fn lookup(table: &LawTable, speed: f64) -> Vec<f64> {
     let r = &i.reference;
     out.extend(i.feedback.transpose().iter());
     out.extend(i.decoupling.transpose().iter());
+    out.extend(i.allocation.transpose().iter());
     out.extend(r.state.transpose().iter());
     out.extend(r.input.transpose().iter());
     out.extend(r.dynamics.transpose().iter());

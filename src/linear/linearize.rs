@@ -6,7 +6,7 @@ use super::{LinearError, StateSpace};
 use crate::numerics::scalar::{Dual, Scalar};
 use crate::problem::STICKS;
 use crate::trim::ConvergedTrim;
-use crate::trim::shooting::Shooting;
+use crate::trim::shooting::{Shooting, stick_scales};
 use crate::units::Kind;
 use crate::vehicle::{Layout, Vehicle, Workspace};
 use nalgebra::DMatrix;
@@ -29,10 +29,11 @@ pub enum Inputs {
 pub struct Options {
     /// What moves the model.
     pub inputs: Inputs,
-    /// Largest change of the averaged A and B, relative to their largest
-    /// entries in scaled states, when every second sample is left out.
+    /// Largest change of an entry of the averaged A and B, in scaled states
+    /// and inputs and relative to the largest entry of its row, when every
+    /// second sample is left out.
     pub sample_tolerance: f64,
-    /// Samples a period to begin with.
+    /// Samples a period to begin with, at least.
     pub samples: usize,
     /// Most samples a period.
     pub most_samples: usize,
@@ -40,7 +41,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { inputs: Inputs::Sticks, sample_tolerance: 1e-6, samples: 24, most_samples: 768 }
+        Self { inputs: Inputs::Sticks, sample_tolerance: 1e-3, samples: 24, most_samples: 768 }
     }
 }
 
@@ -55,7 +56,8 @@ pub struct Linearization {
 }
 
 /// Linearises a vehicle along the orbit of a trim. The number of samples is
-/// doubled until the averaged matrices no longer depend on it.
+/// doubled until the averaged matrices no longer depend on it; samples that
+/// there are serve again.
 ///
 /// The states are those of the vehicle's layout; outputs are the rigid-body
 /// states, the heading rate, the velocity over the ground in heading axes and
@@ -68,22 +70,52 @@ pub fn linearize(
     trim: &ConvergedTrim,
     options: &Options,
 ) -> Result<Linearization, LinearError> {
-    let mut samples = options.samples.max(2) & !1;
+    let point = trim.point();
+    let mut orbit = std::borrow::Cow::Borrowed(&point.orbit);
+    // Steps a sample: as many samples as asked for, or a little more.
+    let mut every = 1;
+    while (orbit.len() / every) % 2 == 0 && orbit.len() / every >= 2 * options.samples.max(2) {
+        every *= 2;
+    }
+    let mut probe = Probe::new(vehicle, options.inputs);
+    let mut sample = |orbit: &[Vec<f64>], index: usize| {
+        let time = vehicle.period * index as f64 / orbit.len() as f64;
+        probe.sample(time, &orbit[index], &point.sticks)
+    };
+    let mut samples: Vec<PeriodicSample> =
+        (0..orbit.len()).step_by(every).map(|index| sample(&orbit, index)).collect();
     loop {
-        let model = sampled(vehicle, trim, options.inputs, samples)?;
-        let sample_error = thinning_error(vehicle, &model);
+        let sample_error = thinning_error(vehicle, options.inputs, &samples);
         if sample_error <= options.sample_tolerance {
+            let model = periodic_model(vehicle, options.inputs, samples)?;
             return Ok(Linearization { model, sample_error });
         }
-        if 2 * samples > options.most_samples {
+        if 2 * samples.len() > options.most_samples {
+            // A model that is not finite says so before one that is coarse.
+            let count = samples.len();
+            periodic_model(vehicle, options.inputs, samples)?;
             return Err(LinearError::NotConverged {
                 what: "the average of A and B over the period".into(),
                 achieved: sample_error,
                 wanted: options.sample_tolerance,
-                limit: format!("{samples} samples a period"),
+                limit: format!("{count} samples a period"),
             });
         }
-        samples *= 2;
+        if every == 1 {
+            // Finer than the trim's own steps: fly the orbit again.
+            let steps = 2 * orbit.len();
+            let shooting = Shooting::new(vehicle, point.condition, point.method, steps);
+            let mut finer = Vec::with_capacity(steps);
+            shooting.fly(&point.state, &point.sticks, |_, _, state, _| {
+                finer.push(state.to_vec());
+            });
+            orbit = std::borrow::Cow::Owned(finer);
+            every = 2;
+        }
+        every /= 2;
+        let between: Vec<PeriodicSample> =
+            (every..orbit.len()).step_by(2 * every).map(|index| sample(&orbit, index)).collect();
+        samples = samples.into_iter().zip(between).flat_map(|(a, b)| [a, b]).collect();
     }
 }
 
@@ -99,26 +131,11 @@ pub fn averaged(
     Ok(linearize(vehicle, trim, options)?.model.averaged())
 }
 
-fn sampled(
+fn periodic_model(
     vehicle: &Vehicle,
-    trim: &ConvergedTrim,
     inputs: Inputs,
-    count: usize,
+    samples: Vec<PeriodicSample>,
 ) -> Result<PeriodicModel, LinearError> {
-    let point = trim.point();
-    // Fly the orbit again with steps that meet the samples.
-    let steps = count * point.steps.div_ceil(count);
-    let every = steps / count;
-    let shooting = Shooting::new(vehicle, point.condition, point.method, steps);
-    let mut states = Vec::with_capacity(count);
-    shooting.fly(&point.state, &point.sticks, |index, time, state, _| {
-        if index % every == 0 {
-            states.push((time, state.to_vec()));
-        }
-    });
-    let mut probe = Probe::new(vehicle, inputs);
-    let samples =
-        states.iter().map(|(time, state)| probe.sample(*time, state, &point.sticks)).collect();
     let channel = |q: &crate::vehicle::layout::Quantity| Channel::new(q.name.clone(), q.kind);
     let states = vehicle.layout.states.iter().map(channel).collect();
     let inputs = match inputs {
@@ -242,30 +259,35 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// Largest change of the averaged A and B, in scaled states and relative to
-/// the largest scaled entry, when every second sample is left out.
-fn thinning_error(vehicle: &Vehicle, model: &PeriodicModel) -> f64 {
-    let scale: Vec<f64> = vehicle.layout.states.iter().map(|state| state.scale).collect();
-    let samples = model.samples();
-    let mut worst = 0.0_f64;
-    let mut largest = 0.0_f64;
+/// Largest change of an entry of the averaged A and B when every second sample
+/// is left out, in scaled states and inputs, relative to the largest entry of
+/// its row at any sample.
+fn thinning_error(vehicle: &Vehicle, inputs: Inputs, samples: &[PeriodicSample]) -> f64 {
+    let state: Vec<f64> = vehicle.layout.states.iter().map(|state| state.scale).collect();
+    let input: Vec<f64> = match inputs {
+        Inputs::Sticks => stick_scales(vehicle).to_vec(),
+        Inputs::Rotors => vehicle.layout.effectors.iter().map(|effector| effector.scale).collect(),
+    };
+    let (n, m) = (state.len(), input.len());
     let weight = 1.0 / samples.len() as f64;
-    let mut a = DMatrix::zeros(scale.len(), scale.len());
+    let mut change = DMatrix::<f64>::zeros(n, n + m);
+    let mut largest = vec![f64::MIN_POSITIVE; n];
     for (index, sample) in samples.iter().enumerate() {
         // All samples less the even ones: alternating signs.
         let sign = if index % 2 == 0 { -weight } else { weight };
-        a += &sample.a * sign;
-        for row in 0..scale.len() {
-            for column in 0..scale.len() {
-                let scaled = sample.a[(row, column)] * scale[column] / scale[row];
-                largest = largest.max(scaled.abs());
+        for column in 0..n + m {
+            for row in 0..n {
+                let entry = if column < n {
+                    sample.a[(row, column)] * state[column]
+                } else {
+                    sample.b[(row, column - n)] * input[column - n]
+                };
+                change[(row, column)] += sign * entry;
+                largest[row] = largest[row].max(entry.abs());
             }
         }
     }
-    for row in 0..scale.len() {
-        for column in 0..scale.len() {
-            worst = worst.max((a[(row, column)] * scale[column] / scale[row]).abs());
-        }
-    }
-    worst / largest
+    let relative = |(row, column): (usize, usize)| (change[(row, column)] / largest[row]).abs();
+    let entries = (0..n).flat_map(|row| (0..n + m).map(move |column| (row, column)));
+    entries.map(relative).fold(0.0, f64::max)
 }

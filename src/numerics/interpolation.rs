@@ -2,8 +2,8 @@
 //! series.
 //!
 //! * [`CubicHermite`]: one variable, C¹, never outside its data.
-//! * [`Bicubic`]: several functions of two variables on one grid, C¹, never
-//!   outside their data, found in constant time.
+//! * [`Bicubic`]: several functions of two variables on one grid, found in
+//!   constant time: C¹ and never outside their data, or C² splines.
 //! * [`UniformTable`]: several functions of one variable, C¹ and of fourth
 //!   order.
 //! * [`ChebyshevSeries`]: several smooth functions of one variable, with
@@ -13,7 +13,9 @@
 //! parabola through it and its neighbours, which is exact for quadratics; it
 //! is cut back only where it would make the curve leave the data (F. N.
 //! Fritsch and R. E. Carlson, Monotone piecewise cubic interpolation, SIAM J.
-//! Numer. Anal. 17, 1980).
+//! Numer. Anal. 17, 1980). The slopes of a spline are instead those that make
+//! the curvature continuous (C. de Boor, A Practical Guide to Splines, 1978,
+//! chapter IV).
 
 use thiserror::Error;
 
@@ -138,6 +140,83 @@ pub fn parabolic_slopes(x: &[f64], y: &[f64], ends: Ends) -> Vec<f64> {
     slopes
 }
 
+/// Slopes at the points (x, y) that give the cubic pieces through them a
+/// continuous curvature. At ends that are not periodic the slopes are those
+/// of [`parabolic_slopes`].
+///
+/// `x` is strictly increasing with at least two points. With
+/// [`Ends::Periodic`] the last value is taken to repeat the first.
+pub fn spline_slopes(x: &[f64], y: &[f64], ends: Ends) -> Vec<f64> {
+    let mut slopes = parabolic_slopes(x, y, ends);
+    let n = x.len();
+    if n < 3 {
+        return slopes;
+    }
+    let width = |i: usize| x[i + 1] - x[i];
+    let secant = |i: usize| (y[i + 1] - y[i]) / width(i);
+    // Equal curvature on both sides of node i, between cells `left` and
+    // `right`: coefficients of the slopes before, at and after it, and the
+    // right side. The matrix is strictly diagonally dominant, so that
+    // elimination needs no pivots.
+    let row = |left: usize, right: usize| {
+        let (a, c) = (1.0 / width(left), 1.0 / width(right));
+        ([a, 2.0 * (a + c), c], 3.0 * (a * secant(left) + c * secant(right)))
+    };
+    let rows: Vec<([f64; 3], f64)> = if ends == Ends::Periodic {
+        // Node 0 last: the unknowns 1 … n − 2 are a chain, and close over 0.
+        (1..n - 1).map(|i| row(i - 1, i)).chain([row(n - 2, 0)]).collect()
+    } else {
+        (1..n - 1).map(|i| row(i - 1, i)).collect()
+    };
+    // A chain with both neighbours given, for two right sides at once: the
+    // data's, and what a unit slope at both ends adds.
+    let chain = |ends: [[f64; 2]; 2]| -> Vec<[f64; 2]> {
+        let m = n - 2;
+        let (mut factor, mut value) = (vec![0.0; m], vec![[0.0; 2]; m]);
+        for i in 0..m {
+            let ([a, b, c], right) = rows[i];
+            let mut d = [right, 0.0];
+            if i == 0 {
+                d = [0, 1].map(|k| d[k] - a * ends[0][k]);
+            }
+            if i == m - 1 {
+                d = [0, 1].map(|k| d[k] - c * ends[1][k]);
+            }
+            let (before, sub) =
+                if i == 0 { (0.0, [0.0; 2]) } else { (factor[i - 1], value[i - 1]) };
+            let a = if i == 0 { 0.0 } else { a };
+            let pivot = b - a * before;
+            factor[i] = c / pivot;
+            value[i] = [0, 1].map(|k| (d[k] - a * sub[k]) / pivot);
+        }
+        for i in (0..m - 1).rev() {
+            let after = value[i + 1];
+            for (v, next) in value[i].iter_mut().zip(after) {
+                *v -= factor[i] * next;
+            }
+        }
+        value
+    };
+    if ends == Ends::Periodic {
+        // slope = particular + s₀ · unit, and the row of node 0 gives s₀.
+        let value = chain([[0.0, 1.0]; 2]);
+        let ([a, b, c], right) = rows[n - 2];
+        let (before, after) = (value[n - 3], value[0]);
+        let closing = (right - a * before[0] - c * after[0]) / (b + a * before[1] + c * after[1]);
+        for (slope, v) in slopes[1..n - 1].iter_mut().zip(&value) {
+            *slope = v[0] + closing * v[1];
+        }
+        slopes[0] = closing;
+        slopes[n - 1] = closing;
+    } else {
+        let value = chain([[slopes[0], 0.0], [slopes[n - 1], 0.0]]);
+        for (slope, v) in slopes[1..n - 1].iter_mut().zip(&value) {
+            *slope = v[0];
+        }
+    }
+    slopes
+}
+
 /// Cuts slopes back until no cubic piece leaves the range of its two points:
 /// zero at a local extremum of the data, and elsewhere no more than three
 /// times the smaller neighbouring secant (Fritsch and Carlson).
@@ -162,11 +241,17 @@ pub fn limit_slopes(x: &[f64], y: &[f64], ends: Ends, slopes: &mut [f64]) {
 }
 
 /// Finds the cell of an axis that holds a value in constant time: a uniform
-/// map over the axis gives the first candidate, and a step or two the cell.
+/// map over the axis gives the first candidate, and a fixed number of
+/// comparisons (one, unless the spacing is very uneven) the cell. There is no
+/// branch to guess wrong.
 #[derive(Debug, Clone)]
 struct CellIndex {
     breakpoints: Vec<f64>,
+    /// Right edge of each cell; infinite for the last.
+    right_edge: Vec<f64>,
     first_cell: Vec<u16>,
+    /// Most cells that a bin's candidate can lie too far left.
+    comparisons: u16,
     bins_per_unit: f64,
 }
 
@@ -177,31 +262,39 @@ impl CellIndex {
 
     fn new(breakpoints: Vec<f64>) -> Self {
         let first = breakpoints[0];
+        let last_cell = breakpoints.len() - 2;
         let length = breakpoints[breakpoints.len() - 1] - first;
         let narrowest = breakpoints.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
         let bins = (length / narrowest).ceil().clamp(1.0, Self::MOST_BINS);
         let bins_per_unit = bins / length;
-        let first_cell = (0..=bins as usize)
-            .map(|bin| {
-                // A hair to the left, so that rounding can never put the
-                // candidate beyond the cell.
-                let left = first + (bin as f64 - 1e-6) / bins_per_unit;
-                let cell = breakpoints.partition_point(|&x| x <= left);
-                cell.saturating_sub(1).min(breakpoints.len() - 2) as u16
-            })
-            .collect();
-        Self { breakpoints, first_cell, bins_per_unit }
+        let cell_at = |bin: f64| {
+            let cell = breakpoints.partition_point(|&x| x <= first + bin / bins_per_unit);
+            cell.saturating_sub(1).min(last_cell) as u16
+        };
+        // A hair to the left, so that rounding can never put the candidate
+        // beyond the cell; and to the right for the last one that may be meant.
+        let hair = 1e-6;
+        let first_cell: Vec<u16> =
+            (0..=bins as usize).map(|bin| cell_at(bin as f64 - hair)).collect();
+        let comparisons = first_cell
+            .iter()
+            .enumerate()
+            .map(|(bin, &cell)| cell_at(bin as f64 + 1.0 + hair) - cell)
+            .max()
+            .unwrap_or(0);
+        let mut right_edge = breakpoints[1..].to_vec();
+        right_edge[last_cell] = f64::INFINITY;
+        Self { breakpoints, right_edge, first_cell, comparisons, bins_per_unit }
     }
 
     /// Cell of `value` and the distance from its left edge. `value` must lie
     /// within the axis; NaN comes back as a NaN distance.
-    #[inline]
+    #[inline(always)]
     fn locate(&self, value: f64) -> (usize, f64) {
         let bin = ((value - self.breakpoints[0]) * self.bins_per_unit) as i32 as usize;
         let mut cell = self.first_cell[bin.min(self.first_cell.len() - 1)] as usize;
-        let last = self.breakpoints.len() - 2;
-        while cell < last && value >= self.breakpoints[cell + 1] {
-            cell += 1;
+        for _ in 0..self.comparisons {
+            cell += usize::from(value >= self.right_edge[cell]);
         }
         (cell, value - self.breakpoints[cell])
     }
@@ -216,7 +309,7 @@ impl CellIndex {
 }
 
 /// Limits `value` to an axis, keeping NaN.
-#[inline]
+#[inline(always)]
 fn clamp(value: f64, low: f64, high: f64) -> f64 {
     if value < low {
         low
@@ -289,8 +382,9 @@ fn hermite_to_power(h: f64, [f0, f1, d0, d1]: [f64; 4]) -> [f64; 4] {
 /// ∂²f/∂x∂y.
 type NodeData = [f64; 4];
 
-/// Functions f₁…f_C of (x, y) on one grid, each a C¹ bicubic surface that
-/// never leaves the range of the four corners of a cell.
+/// Functions f₁…f_C of (x, y) on one grid, each a bicubic surface: C¹ and
+/// never outside the range of the four corners of a cell ([`Bicubic::new`]),
+/// or C² ([`Bicubic::spline`]).
 ///
 /// Beyond the ends of either axis the surfaces are constant; with
 /// [`Ends::Flat`] they join with a continuous slope. Coefficients of the
@@ -339,6 +433,46 @@ impl<const C: usize> Bicubic<C> {
         Ok(Self::from_nodes(x, y, |c, i, j| nodes[c][i * y.len() + j]))
     }
 
+    /// Interpolates like [`Bicubic::new`] by surfaces with continuous second
+    /// derivatives. They may leave the range of the data: see
+    /// [`Bicubic::overshoot`].
+    ///
+    /// # Errors
+    /// As [`Bicubic::new`].
+    pub fn spline(
+        x: &[f64],
+        y: &[f64],
+        values: [&[f64]; C],
+        ends: [Ends; 2],
+    ) -> Result<Self, GridError> {
+        check_axis("x", x, if ends[0] == Ends::Periodic { 4 } else { 2 })?;
+        check_axis("y", y, if ends[1] == Ends::Periodic { 4 } else { 2 })?;
+        for function in values {
+            check_values(function, x.len() * y.len())?;
+        }
+        let (n, m) = (x.len(), y.len());
+        let along_x = |f: &[f64]| {
+            let mut out = vec![0.0; n * m];
+            for j in 0..m {
+                let line: Vec<f64> = (0..n).map(|i| f[i * m + j]).collect();
+                for (i, slope) in spline_slopes(x, &line, ends[0]).into_iter().enumerate() {
+                    out[i * m + j] = slope;
+                }
+            }
+            out
+        };
+        let along_y = |f: &[f64]| -> Vec<f64> {
+            f.chunks(m).flat_map(|line| spline_slopes(y, line, ends[1])).collect()
+        };
+        let nodes = values.map(|f| {
+            let (fx, fy) = (along_x(f), along_y(f));
+            // Splines along either axis commute.
+            let fxy = along_y(&fx);
+            (0..n * m).map(|k| [f[k], fx[k], fy[k], fxy[k]]).collect::<Vec<NodeData>>()
+        });
+        Ok(Self::from_nodes(x, y, |c, i, j| nodes[c][i * m + j]))
+    }
+
     /// The C¹ surfaces with value, slopes and twist `node(c, i, j)` given at
     /// every node of the grid. The axes must have passed [`check_axis`].
     fn from_nodes(x: &[f64], y: &[f64], node: impl Fn(usize, usize, usize) -> NodeData) -> Self {
@@ -377,7 +511,7 @@ impl<const C: usize> Bicubic<C> {
     }
 
     /// Cell of (x, y), and distances from its corner.
-    #[inline]
+    #[inline(always)]
     fn locate(&self, x: f64, y: f64) -> (&[[[f64; C]; 4]; 4], f64, f64) {
         let (i, dx) = self.x.locate(clamp(x, self.x.first(), self.x.last()));
         let (j, dy) = self.y.locate(clamp(y, self.y.first(), self.y.last()));
@@ -385,7 +519,7 @@ impl<const C: usize> Bicubic<C> {
     }
 
     /// Values at (x, y).
-    #[inline]
+    #[inline(always)]
     pub fn value(&self, x: f64, y: f64) -> [f64; C] {
         let (cell, dx, dy) = self.locate(x, y);
         let row = |q: usize| {
@@ -450,6 +584,69 @@ impl<const C: usize> Bicubic<C> {
 }
 
 impl Bicubic<1> {
+    /// How far the surface leaves its data: the largest excess over the range
+    /// of a cell's corners, relative to the range of the nodes in and around
+    /// the cell or, where the data are nearly constant, a hundredth of the
+    /// range of all data. Found on a grid of 5 × 5 points a cell.
+    pub fn overshoot(&self) -> f64 {
+        let (rows, columns) = (self.x.breakpoints.len() - 1, self.y.breakpoints.len() - 1);
+        let corner = |i: usize, j: usize| {
+            self.value(self.x.breakpoints[i.min(rows)], self.y.breakpoints[j.min(columns)])[0]
+        };
+        let range = |i: std::ops::RangeInclusive<usize>, j: std::ops::RangeInclusive<usize>| {
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for row in i {
+                for column in j.clone() {
+                    let v = corner(row, column);
+                    range = [range[0].min(v), range[1].max(v)];
+                }
+            }
+            range
+        };
+        let [bottom, top] = range(0..=rows, 0..=columns);
+        let floor = (0.01 * (top - bottom)).max(f64::MIN_POSITIVE);
+        let mut worst = 0.0_f64;
+        for i in 0..rows {
+            for j in 0..columns {
+                let [low, high] = range(i..=i + 1, j..=j + 1);
+                let [least, most] = range(i.saturating_sub(1)..=i + 2, j.saturating_sub(1)..=j + 2);
+                let x = [self.x.breakpoints[i], self.x.breakpoints[i + 1]];
+                let y = [self.y.breakpoints[j], self.y.breakpoints[j + 1]];
+                for k in 0..Self::PROBES * Self::PROBES {
+                    let at = |edge: [f64; 2], k: usize| {
+                        edge[0] + (edge[1] - edge[0]) * (k as f64 + 0.5) / Self::PROBES as f64
+                    };
+                    let [v] = self.value(at(x, k / Self::PROBES), at(y, k % Self::PROBES));
+                    let excess = (v - high).max(low - v);
+                    if excess > 0.0 {
+                        worst = worst.max(excess / (most - least).max(floor));
+                    }
+                }
+            }
+        }
+        worst
+    }
+
+    /// Probes a side of a cell.
+    const PROBES: usize = 5;
+
+    /// Whether the surface is above zero at every probe.
+    pub fn is_positive(&self) -> bool {
+        let ends = |axis: &CellIndex| axis.breakpoints.clone();
+        let probes = |axis: Vec<f64>| -> Vec<f64> {
+            axis.windows(2)
+                .flat_map(|w| {
+                    (0..Self::PROBES)
+                        .map(|k| w[0] + (w[1] - w[0]) * (k as f64 + 0.5) / Self::PROBES as f64)
+                        .collect::<Vec<f64>>()
+                })
+                .chain(axis.iter().copied())
+                .collect()
+        };
+        let y = probes(ends(&self.y));
+        probes(ends(&self.x)).iter().all(|&x| y.iter().all(|&y| self.value(x, y)[0] > 0.0))
+    }
+
     /// ∂²f/∂x∂y.
     fn twist(&self, x: f64, y: f64) -> f64 {
         let (cell, dx, dy) = self.locate(x, y);
@@ -963,5 +1160,80 @@ mod tests {
     fn nan_comes_through() {
         let curve = CubicHermite::new(&[0.0, 1.0, 2.0], &[0.0, 1.0, 0.0], Ends::Flat).unwrap();
         assert!(curve.evaluate(f64::NAN).0.is_nan());
+    }
+
+    /// Slopes of cubics are exact with any spacing once the end slopes are,
+    /// and a periodic spline's are those of the long row of its copies.
+    #[test]
+    fn spline_slopes_are_those_of_the_smoothest_curve() {
+        let x = [0.0_f64, 0.4, 1.1, 1.5, 2.7, 3.0];
+        let y: Vec<f64> = x.iter().map(|t| (2.0 * t).sin()).collect();
+        let slopes = spline_slopes(&x, &y, Ends::Flat);
+        // Equal curvature from both sides at every inner node.
+        let curvature = |i: usize, at_left: bool| {
+            let h = x[i + 1] - x[i];
+            let secant = (y[i + 1] - y[i]) / h;
+            if at_left {
+                (6.0 * secant - 4.0 * slopes[i] - 2.0 * slopes[i + 1]) / h
+            } else {
+                (2.0 * slopes[i] + 4.0 * slopes[i + 1] - 6.0 * secant) / h
+            }
+        };
+        for i in 1..x.len() - 1 {
+            assert!((curvature(i - 1, false) - curvature(i, true)).abs() < 1e-12);
+        }
+        assert_eq!((slopes[0], slopes[5]), (0.0, 0.0));
+
+        let y = [1.0, -0.5, 0.3, 2.0, 0.7, 1.0];
+        let once = spline_slopes(&x, &y, Ends::Periodic);
+        let copies = 9;
+        let (mut long_x, mut long_y) = (Vec::new(), Vec::new());
+        for copy in 0..copies {
+            for k in 0..5 {
+                long_x.push(3.0 * f64::from(copy) + x[k]);
+                long_y.push(y[k]);
+            }
+        }
+        long_x.push(3.0 * f64::from(copies));
+        long_y.push(1.0);
+        let long = spline_slopes(&long_x, &long_y, Ends::Parabolic);
+        // The influence of the ends falls by about four a node.
+        for k in 0..6 {
+            assert!((once[k] - long[20 + k]).abs() < 1e-10, "{k}");
+        }
+    }
+
+    #[test]
+    fn a_spline_surface_has_continuous_curvature_and_says_when_it_rings() {
+        let x = [0.0_f64, 0.7, 1.0, 1.6, 2.4, 3.0];
+        let y = [0.0_f64, 0.5, 0.8, 1.4, 2.0];
+        let mut values: Vec<f64> =
+            x.iter().flat_map(|&x| y.iter().map(move |&y| (x * y).cos() + 2.0)).collect();
+        let ends = [Ends::Parabolic, Ends::Flat];
+        let surface = Bicubic::spline(&x, &y, [&values[..]], ends).unwrap();
+        let h = 1e-7;
+        for &node in &x[1..5] {
+            for at in [0.2, 0.8, 1.7] {
+                let slope = |x: f64| surface.evaluate(x, at).x[0];
+                let (left, right) =
+                    ((slope(node) - slope(node - h)) / h, (slope(node + h) - slope(node)) / h);
+                // Third derivatives are below 30, differences good to 1e-8.
+                assert!((left - right).abs() < 1e-5, "{left} {right}");
+            }
+        }
+        for &node in &y[1..4] {
+            for at in [0.2, 1.2, 2.7] {
+                let slope = |y: f64| surface.evaluate(at, y).y[0];
+                let (left, right) =
+                    ((slope(node) - slope(node - h)) / h, (slope(node + h) - slope(node)) / h);
+                assert!((left - right).abs() < 1e-5, "{left} {right}");
+            }
+        }
+        assert!(surface.overshoot() < 0.1 && surface.is_positive());
+        // One wrong entry.
+        values[12] = -20.0;
+        let wrong = Bicubic::spline(&x, &y, [&values[..]], ends).unwrap();
+        assert!(wrong.overshoot() > 0.1, "{}", wrong.overshoot());
+        assert!(!wrong.is_positive());
     }
 }

@@ -266,11 +266,37 @@ pub fn solve<P: Residuals>(
     options: &Options,
     observer: Option<&mut dyn FnMut(&IterationReport)>,
 ) -> Result<Solution, OptionsError> {
+    solve_with(problem, start, None, options, observer)
+}
+
+/// As [`solve`], with the Jacobian of a similar system near `start`: the first
+/// steps use it, and a new one is asked for where they gain too little.
+///
+/// # Errors
+/// Only for bad options; a solve that fails says so in [`Solution::status`].
+pub fn solve_with<P: Residuals>(
+    problem: &P,
+    start: &DVector<f64>,
+    jacobian: Option<&DMatrix<f64>>,
+    options: &Options,
+    observer: Option<&mut dyn FnMut(&IterationReport)>,
+) -> Result<Solution, OptionsError> {
     options.check(start)?;
-    let solver = LevenbergMarquardt::new(options, start.len(), observer);
+    let mut solver = LevenbergMarquardt::new(options, start.len(), observer);
     let start = solver.bounded(start);
+    let usable = jacobian.filter(|j| j.ncols() == start.len() && j.iter().all(|v| v.is_finite()));
+    if let Some(jacobian) = usable {
+        solver.rescale(jacobian);
+        solver.chord = true;
+    }
     let result = Executor::new(problem, solver)
-        .configure(|state: Iterate| state.param(start))
+        .configure(|state: Iterate| {
+            let state = state.param(start);
+            match usable {
+                Some(jacobian) => state.jacobian(jacobian.clone()),
+                None => state,
+            }
+        })
         .ctrlc(false)
         .run()
         .map_err(|e| OptionsError::Executor(e.to_string()))?;

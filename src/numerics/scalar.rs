@@ -151,9 +151,16 @@ impl<const N: usize> Dual<N> {
         Self { v: value, d }
     }
 
+    // Indexed loops over arrays of known length become vector instructions;
+    // the iterator forms of these two do not.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
     fn combined(value: f64, a: &Self, wa: f64, b: &Self, wb: f64) -> Self {
-        Self { v: value, d: std::array::from_fn(|k| wa * a.d[k] + wb * b.d[k]) }
+        let mut d = [0.0; N];
+        for k in 0..N {
+            d[k] = wa * a.d[k] + wb * b.d[k];
+        }
+        Self { v: value, d }
     }
 }
 
@@ -287,11 +294,13 @@ impl<const N: usize> Scalar for Dual<N> {
         self.scaled(self.v.abs(), sign)
     }
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
     fn chain<const K: usize>(value: f64, partials: &[f64; K], input: &[Self; K]) -> Self {
         let mut d = [0.0; N];
-        for (weight, term) in partials.iter().zip(input) {
-            for (sum, tangent) in d.iter_mut().zip(&term.d) {
-                *sum += weight * tangent;
+        for k in 0..K {
+            let (weight, term) = (partials[k], &input[k]);
+            for i in 0..N {
+                d[i] += weight * term.d[i];
             }
         }
         Self { v: value, d }
@@ -312,6 +321,58 @@ impl<const N: usize> Scalar for Dual<N> {
         }
         result
     }
+}
+
+/// Largest ratio for which the series of the arc tangent is summed.
+const SHALLOW: f64 = 0.25;
+
+/// Angle of the point (`x`, `y`), rad, in −π…π, to rounding. Several times
+/// faster than the library's function, above all where x is positive and y
+/// small beside it, as for the flow that nearly every blade section meets.
+#[inline(always)]
+#[must_use]
+pub fn arc_tangent(y: f64, x: f64) -> f64 {
+    if y.abs() <= SHALLOW * x && x > 0.0 { arc_tangent_series(y / x) } else { steep(y, x) }
+}
+
+/// arctan t for |t| ≤ 1/4: the series to t²⁵, whose next term is below 1e-17.
+#[inline(always)]
+fn arc_tangent_series(t: f64) -> f64 {
+    let y = t * t;
+    let (y2, one) = (y * y, 1.0);
+    let y4 = y2 * y2;
+    // Estrin's scheme: short chains of dependent products.
+    let a = (one - y / 3.0) + y2 * (0.2 - y / 7.0);
+    let b = (one / 9.0 - y / 11.0) + y2 * (one / 13.0 - y / 15.0);
+    let c = (one / 17.0 - y / 19.0) + y2 * (one / 21.0 - y / 23.0);
+    t * (a + y4 * (b + y4 * (c + y4 * (one / 25.0))))
+}
+
+/// [`arc_tangent`] anywhere: the first octant by
+/// arctan t = arctan c + arctan((t − c)/(1 + c t)), c one of 0, ½, 1.
+fn steep(y: f64, x: f64) -> f64 {
+    let (across, along) = (y.abs(), x.abs());
+    let (small, large) = if across < along { (across, along) } else { (along, across) };
+    // Zero, infinite and NaN too.
+    if !(large > 1e-100 && large < 1e100) {
+        return y.atan2(x);
+    }
+    const HALF: f64 = 0.463_647_609_000_806_1;
+    let (c, known) = if small < 0.236 * large {
+        (0.0, 0.0)
+    } else if small < 0.72 * large {
+        (0.5, HALF)
+    } else {
+        (1.0, std::f64::consts::FRAC_PI_4)
+    };
+    let mut angle = known + arc_tangent_series((small - c * large) / (large + c * small));
+    if across >= along {
+        angle = std::f64::consts::FRAC_PI_2 - angle;
+    }
+    if x < 0.0 {
+        angle = std::f64::consts::PI - angle;
+    }
+    angle.copysign(y)
 }
 
 /// A vector of three components in a frame that the variable's name says.
@@ -456,5 +517,25 @@ mod tests {
                 assert_relative_eq!(composed[m].d[k], direct[m].d[k], max_relative = 1e-13);
             }
         }
+    }
+
+    /// Our arc tangent against the library's, over all octants and sizes.
+    #[test]
+    fn arc_tangent_is_the_librarys_to_rounding() {
+        for k in 0..20_000 {
+            let angle = -3.2 + 3.2e-4 * f64::from(k);
+            for size in [1e-9, 0.3, 7.0, 1e12] {
+                let (y, x) = (size * angle.sin(), size * angle.cos());
+                let (ours, theirs) = (arc_tangent(y, x), y.atan2(x));
+                let error = (ours - theirs).abs();
+                assert!(error <= 4.0 * f64::EPSILON * theirs.abs(), "{y} {x}: {ours} {theirs}");
+            }
+        }
+        for y in [0.0, -0.0, 1.0, -2.0, f64::INFINITY] {
+            for x in [0.0, -0.0, 3.0, -4.0, f64::NEG_INFINITY] {
+                assert_relative_eq!(arc_tangent(y, x), f64::atan2(y, x), max_relative = 1e-15);
+            }
+        }
+        assert!(arc_tangent(f64::NAN, 1.0).is_nan() && arc_tangent(1.0, f64::NAN).is_nan());
     }
 }

@@ -17,6 +17,12 @@ const NICHOLS_GAIN_DB: f64 = 30.0;
 /// Lowest sensitivity shown, dB; what is below meets every requirement.
 const LOWEST_SENSITIVITY_DB: f64 = -40.0;
 
+/// A limit for people: three decimals at most, none that say nothing.
+fn tidy(value: f64) -> String {
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
 /// Whether the points of a curve are marked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Marks {
@@ -161,7 +167,8 @@ pub fn trim_figure(title: &str, speed_unit: &str, sweeps: &[TrimSweep]) -> Figur
     for sweep in sweeps {
         for (rotor, share) in sweep.thrust_share.iter().enumerate() {
             // The legend names the models; the rotors are named at their curves.
-            let line = series("", sweep.style, &sweep.speed, &share.values, sweep.marks);
+            let line = series("", sweep.style, &sweep.speed, &share.values, sweep.marks)
+                .hint(&format!("{}, {}", share.name, sweep.name));
             shares = shares.line(line);
             // Away from hover, where the curves are steep and close to each other.
             let middle = share.values.len() * 3 / 4;
@@ -454,7 +461,7 @@ impl ExclusionRegion {
     }
 
     fn label(&self) -> String {
-        format!("less than {} dB, {} deg", self.gain_margin_db, self.phase_margin_deg)
+        format!("less than {} dB, {} deg", tidy(self.gain_margin_db), tidy(self.phase_margin_deg))
     }
 }
 
@@ -645,7 +652,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
         if let Some(peak) = data.peak_spec_db {
             panel = panel
                 .horizontal_band(peak, f64::INFINITY, Tone::Forbidden, "not allowed")
-                .horizontal_line(peak, &format!("peak {peak} dB"));
+                .horizontal_line(peak, &format!("peak {} dB", tidy(peak)));
         }
         if let Some(bandwidth) = data.bandwidth_spec {
             panel = panel
@@ -658,7 +665,7 @@ pub fn sensitivity_figure(title: &str, panels: &[SensitivityPanel]) -> Figure {
                 .text(
                     bandwidth,
                     0.5 * (REJECTION_LEVEL_DB + data.peak_spec_db.unwrap_or(0.0)),
-                    &format!("{bandwidth} rad/s"),
+                    &format!("{} rad/s", tidy(bandwidth)),
                     Anchor::Right,
                 );
         }

@@ -7,8 +7,9 @@
 
 use std::fmt::Write as _;
 
+use super::plot::diagram::Diagram;
 use super::plot::{Figure, STYLESHEET, escape, variables};
-use super::table::Table;
+use super::table::{Highlight, Table};
 
 /// A page.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,11 +28,16 @@ pub struct Section {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Block {
+    Heading(String),
     Paragraph(String),
     List(Vec<String>),
+    Verdict { highlight: Highlight, headline: String, text: String },
+    Facts(Vec<(String, String)>),
     Preformatted { summary: String, text: String },
     Figure { figure: Box<Figure>, caption: String },
+    Diagram { diagram: Box<Diagram>, caption: String },
     Table(Box<Table>),
+    Folded { summary: String, table: Box<Table> },
 }
 
 impl Section {
@@ -39,6 +45,31 @@ impl Section {
     #[must_use]
     pub fn new(heading: &str) -> Self {
         Self { heading: heading.to_string(), blocks: Vec::new() }
+    }
+
+    /// Adds a heading below the section's own.
+    #[must_use]
+    pub fn heading(mut self, text: &str) -> Self {
+        self.blocks.push(Block::Heading(text.to_string()));
+        self
+    }
+
+    /// Adds a judgement that nobody should miss: a headline and a sentence.
+    #[must_use]
+    pub fn verdict(mut self, highlight: Highlight, headline: &str, text: &str) -> Self {
+        self.blocks.push(Block::Verdict {
+            highlight,
+            headline: headline.to_string(),
+            text: text.to_string(),
+        });
+        self
+    }
+
+    /// Adds names and their values, such as the weight of an aircraft.
+    #[must_use]
+    pub fn facts(mut self, facts: Vec<(String, String)>) -> Self {
+        self.blocks.push(Block::Facts(facts));
+        self
     }
 
     /// Adds a paragraph of plain text.
@@ -70,10 +101,25 @@ impl Section {
         self
     }
 
+    /// Adds a numbered block diagram.
+    #[must_use]
+    pub fn diagram(mut self, diagram: Diagram, caption: &str) -> Self {
+        self.blocks
+            .push(Block::Diagram { diagram: Box::new(diagram), caption: caption.to_string() });
+        self
+    }
+
     /// Adds a table.
     #[must_use]
     pub fn table(mut self, table: Table) -> Self {
         self.blocks.push(Block::Table(Box::new(table)));
+        self
+    }
+
+    /// Adds a long table, folded behind `summary` on the screen.
+    #[must_use]
+    pub fn folded(mut self, summary: &str, table: Table) -> Self {
+        self.blocks.push(Block::Folded { summary: summary.to_string(), table: Box::new(table) });
         self
     }
 }
@@ -173,14 +219,36 @@ fn write_block(out: &mut String, block: &Block, number: &mut usize) {
                 lines.join("\n")
             );
         }
-        Block::Table(table) => {
-            // Wide tables scroll on their own, also with the keyboard.
+        Block::Heading(text) => {
+            let _ = writeln!(out, "<h3>{}</h3>", escape(text));
+        }
+        Block::Verdict { highlight, headline, text } => {
+            let class = match highlight {
+                Highlight::Good => "good",
+                Highlight::Warning => "warning",
+                Highlight::Bad => "bad",
+                Highlight::Plain => "plain",
+            };
             let _ = writeln!(
                 out,
-                "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\">\n{}</div>",
-                escape(if table.title().is_empty() { "table" } else { table.title() }),
-                table.to_html()
+                "<p class=\"verdict {class}\"><strong>{}</strong> {}</p>",
+                escape(headline),
+                escape(text)
             );
+        }
+        Block::Facts(facts) => {
+            out.push_str("<dl class=\"facts\">\n");
+            for (name, value) in facts {
+                let (name, value) = (escape(name), escape(value));
+                let _ = writeln!(out, "<div><dt>{name}</dt><dd>{value}</dd></div>");
+            }
+            out.push_str("</dl>\n");
+        }
+        Block::Table(table) => write_table(out, table),
+        Block::Folded { summary, table } => {
+            let _ = writeln!(out, "<details><summary>{}</summary>", escape(summary));
+            write_table(out, table);
+            out.push_str("</details>\n");
         }
         Block::Figure { figure, caption } => {
             *number += 1;
@@ -189,18 +257,60 @@ fn write_block(out: &mut String, block: &Block, number: &mut usize) {
                 .iter()
                 .map(|note| format!("<p class=\"bad\">{}</p>", escape(note)))
                 .collect();
-            let svg = figure.clone().id(&format!("figure-{number}")).to_svg();
+            let id = format!("figure-{number}");
+            let wide = figure.clone().id(&id);
+            // A phone gets the panels one below the other.
+            let (class, drawings) = match figure.narrow() {
+                Some(narrow) => (
+                    "plot",
+                    wide.class("wide").to_svg()
+                        + &narrow.id(&format!("{id}-narrow")).class("narrow").to_svg(),
+                ),
+                None if figure.is_long() => ("plot long", wide.to_svg()),
+                None => ("plot", wide.to_svg()),
+            };
             let text = if caption.is_empty() { figure.title_text() } else { caption };
-            let _ = writeln!(
-                out,
-                "<figure>\n<div class=\"plot\" tabindex=\"0\" role=\"group\" aria-label=\"Figure {number}\">\n\
-                 {svg}</div>\n\
-                 <output class=\"readout\"></output>\n\
-                 <figcaption>Figure {number}. {}</figcaption>\n{notes}</figure>",
-                escape(text)
-            );
+            write_figure(out, *number, class, figure.title_text(), &drawings, text);
+            out.push_str(&notes);
+            out.push_str("</figure>\n");
+        }
+        Block::Diagram { diagram, caption } => {
+            *number += 1;
+            let svg = diagram.to_svg(&format!("figure-{number}"));
+            let text = if caption.is_empty() { diagram.title_text() } else { caption };
+            write_figure(out, *number, "plot long", diagram.title_text(), &svg, text);
+            out.push_str("</figure>\n");
         }
     }
+}
+
+/// A figure but for its closing tag.
+fn write_figure(
+    out: &mut String,
+    number: usize,
+    class: &str,
+    title: &str,
+    drawings: &str,
+    caption: &str,
+) {
+    let _ = writeln!(
+        out,
+        "<figure>\n<div class=\"{class}\" role=\"group\" aria-label=\"Figure {number}. {}\">\n\
+         {drawings}</div>\n<output class=\"readout\"></output>\n\
+         <figcaption>Figure {number}. {}</figcaption>",
+        escape(title),
+        escape(caption)
+    );
+}
+
+/// Wide tables scroll on their own, also with the keyboard.
+fn write_table(out: &mut String, table: &Table) {
+    let _ = writeln!(
+        out,
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\">\n{}</div>",
+        escape(if table.title().is_empty() { "table" } else { table.title() }),
+        table.to_html()
+    );
 }
 
 fn style() -> String {
@@ -213,152 +323,11 @@ fn style() -> String {
     )
 }
 
-const STYLE: &str = "\
-:root{--bg:#ffffff;--fg:#1f2328;--muted:#5b636b;--line:#d5dade;--link:#0b5cad;--good:#12693f;\
---warning:#8a5300;--bad:#b3261e}
-@media (prefers-color-scheme:dark){:root{--bg:#14181d;--fg:#e6e6e6;--muted:#9aa4ae;--line:#353c44;\
---link:#7fbdf5;--good:#5fd394;--warning:#f0b94b;--bad:#ff8a7d}}
-:root[data-theme=light]{--bg:#ffffff;--fg:#1f2328;--muted:#5b636b;--line:#d5dade;--link:#0b5cad;\
---good:#12693f;--warning:#8a5300;--bad:#b3261e}
-:root[data-theme=dark]{--bg:#14181d;--fg:#e6e6e6;--muted:#9aa4ae;--line:#353c44;--link:#7fbdf5;\
---good:#5fd394;--warning:#f0b94b;--bad:#ff8a7d}
-body{margin:0 auto;max-width:60rem;padding:1.5rem 1rem 4rem;background:var(--bg);color:var(--fg);\
-font:1rem/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}
-h1{line-height:1.2;margin:0 0 .3rem}h2{margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line)}
-a{color:var(--link)}.summary{color:var(--muted);margin:.2rem 0 .6rem}
-.skip{position:absolute;left:-99rem}.skip:focus{position:static}
-nav ul{display:flex;flex-wrap:wrap;gap:.2rem 1.2rem;padding:0;list-style:none}
-button{font:inherit;color:inherit;background:none;border:1px solid var(--line);border-radius:.3rem;\
-padding:.15rem .7rem}
-figure{margin:1.4rem 0}.plot{overflow:hidden}.plot svg{max-width:100%;height:auto;display:block;\
-margin:0 auto}
-:focus-visible{outline:2px solid var(--link);outline-offset:2px}
-.readout{display:block;min-height:1.4em;text-align:center;color:var(--muted);font-size:.85rem;\
-font-variant-numeric:tabular-nums}
-figcaption{text-align:center;color:var(--muted);font-size:.92rem}
-.scroll{overflow-x:auto;margin:1rem 0}table{border-collapse:collapse;font-size:.92rem}
-caption{text-align:left;font-weight:600;padding-bottom:.3rem}
-th,td{padding:.2rem .8rem;text-align:left;border-bottom:1px solid var(--line);white-space:nowrap}
-th{vertical-align:bottom}.unit{display:block;font-weight:400;color:var(--muted)}
-.number{text-align:right;font-variant-numeric:tabular-nums}
-.good{color:var(--good)}.warning{color:var(--warning);font-weight:600}\
-.bad{color:var(--bad);font-weight:600}
-pre{overflow-x:auto;border:1px solid var(--line);padding:.7rem;font-size:.85rem}
-@media print{:root,:root[data-theme]{--bg:#ffffff;--fg:#000000;--muted:#444444;--line:#bbbbbb;\
---link:#000000}body{max-width:none;padding:0;font-size:10pt}nav,button,.readout,.skip{display:none}\
-figure,tr{break-inside:avoid}h2{break-after:avoid}}
-";
+/// Style of everything but the figures.
+const STYLE: &str = include_str!("html/style.css");
 
-/// Values under the cursor, and zooming and panning: wheel with Ctrl or on a
-/// focused figure, drag, and the keys + - 0 and arrows.
-const SCRIPT: &str = r#""use strict";
-(function () {
-  var root = document.documentElement;
-  var button = document.getElementById("theme");
-  button.hidden = false;
-  button.addEventListener("click", function () {
-    var dark = root.dataset.theme ? root.dataset.theme === "dark"
-      : matchMedia("(prefers-color-scheme: dark)").matches;
-    root.dataset.theme = dark ? "light" : "dark";
-  });
-
-  function numbers(text) { return text.split(" ").map(Number); }
-  function value(range, fraction) {
-    var part = range.split(" "), low = Number(part[0]), high = Number(part[1]);
-    return part[2] === "log" ? low * Math.pow(high / low, fraction) : low + (high - low) * fraction;
-  }
-  function write(v, unit) {
-    var size = Math.abs(v);
-    var text = v === 0 || (size >= 1e-3 && size < 1e6) ? Number(v.toPrecision(4)).toString()
-      : v.toExponential(3);
-    return text.replace("-", "\u2212") + (unit ? " " + unit : "");
-  }
-
-  document.querySelectorAll(".plot").forEach(function (plot) {
-    var svg = plot.querySelector("svg");
-    var readout = plot.parentElement.querySelector(".readout");
-    var home = numbers(svg.getAttribute("viewBox"));
-    var view = home.slice();
-    var panels = Array.from(svg.querySelectorAll("[data-frame]"));
-
-    function place(event) {
-      var matrix = svg.getScreenCTM();
-      return matrix ? new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse())
-        : null;
-    }
-    function show() {
-      // The view stays inside the figure.
-      [0, 1].forEach(function (k) {
-        view[k + 2] = Math.min(view[k + 2], home[k + 2]);
-        view[k] = Math.min(Math.max(view[k], home[k]), home[k] + home[k + 2] - view[k + 2]);
-      });
-      svg.setAttribute("viewBox", view.join(" "));
-    }
-    function zoom(factor, x, y) {
-      factor = Math.max(factor, 0.02 * home[2] / view[2]);
-      view = [x - (x - view[0]) * factor, y - (y - view[1]) * factor,
-        view[2] * factor, view[3] * factor];
-      show();
-    }
-
-    plot.addEventListener("pointermove", function (event) {
-      var at = place(event), text = "";
-      if (!at) { return; }
-      panels.forEach(function (panel) {
-        var f = numbers(panel.dataset.frame);
-        var x = (at.x - f[0]) / f[2], y = 1 - (at.y - f[1]) / f[3];
-        if (x >= 0 && x <= 1 && y >= 0 && y <= 1) {
-          text = "x " + write(value(panel.dataset.x, x), panel.dataset.xUnit) +
-            ",  y " + write(value(panel.dataset.y, y), panel.dataset.yUnit);
-        }
-      });
-      readout.textContent = text;
-      if (drag) {
-        view[0] += drag.x - at.x;
-        view[1] += drag.y - at.y;
-        show();
-      }
-    });
-    plot.addEventListener("focus", function () {
-      readout.textContent = "+ and \u2212 zoom, arrows move, 0 shows all";
-    });
-    plot.addEventListener("blur", function () { readout.textContent = ""; });
-    plot.addEventListener("pointerleave", function () { readout.textContent = ""; });
-
-    var drag = null;
-    plot.addEventListener("pointerdown", function (event) {
-      if (event.button === 0 && view[2] < home[2]) {
-        drag = place(event);
-        plot.setPointerCapture(event.pointerId);
-      }
-    });
-    ["pointerup", "pointercancel"].forEach(function (name) {
-      plot.addEventListener(name, function () { drag = null; });
-    });
-    plot.addEventListener("dblclick", function () { view = home.slice(); show(); });
-    plot.addEventListener("wheel", function (event) {
-      var at = place(event);
-      if (at && (event.ctrlKey || document.activeElement === plot)) {
-        event.preventDefault();
-        zoom(event.deltaY < 0 ? 0.85 : 1 / 0.85, at.x, at.y);
-      }
-    }, { passive: false });
-    plot.addEventListener("keydown", function (event) {
-      var x = view[0] + view[2] / 2, y = view[1] + view[3] / 2, step = 0.1 * view[2];
-      if (event.ctrlKey || event.altKey || event.metaKey) { return; }
-      if (event.key === "+" || event.key === "=") { zoom(0.8, x, y); }
-      else if (event.key === "-") { zoom(1.25, x, y); }
-      else if (event.key === "0") { view = home.slice(); show(); }
-      else if (view[2] < home[2] && event.key === "ArrowLeft") { view[0] -= step; show(); }
-      else if (view[2] < home[2] && event.key === "ArrowRight") { view[0] += step; show(); }
-      else if (view[2] < home[2] && event.key === "ArrowUp") { view[1] -= step; show(); }
-      else if (view[2] < home[2] && event.key === "ArrowDown") { view[1] += step; show(); }
-      else { return; }
-      event.preventDefault();
-    });
-  });
-}());
-"#;
+/// Values under the cursor, a cursor for the keyboard, zooming and panning.
+const SCRIPT: &str = include_str!("html/script.js");
 
 #[cfg(test)]
 mod tests {

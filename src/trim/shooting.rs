@@ -200,6 +200,14 @@ impl<'a> Shooting<'a> {
         Period { end: state, navigation, mean }
     }
 
+    /// Scaled residuals of a period that was flown from a start.
+    #[must_use]
+    pub fn residuals_of(&self, start: &[f64], period: &Period<f64>) -> DVector<f64> {
+        let mut residuals = DVector::zeros(self.unknowns());
+        self.residuals(start, period, |k, value| residuals[k] = value);
+        residuals
+    }
+
     fn residuals<S: Scalar>(&self, start: &[S], period: &Period<S>, mut put: impl FnMut(usize, S)) {
         for (index, &k) in self.free.iter().enumerate() {
             put(index, (period.end[k] - start[k]) * (1.0 / self.scales[index]));
@@ -240,9 +248,7 @@ impl Residuals for Shooting<'_> {
     fn evaluate(&self, x: &DVector<f64>) -> Result<DVector<f64>, EvaluationError> {
         let (state, sticks) = self.unpack(x);
         let period = self.fly(&state, &sticks, |_, _, _, _| {});
-        let mut residuals = DVector::zeros(self.unknowns());
-        self.residuals(&state, &period, |k, value| residuals[k] = value);
-        Ok(residuals)
+        Ok(self.residuals_of(&state, &period))
     }
 
     fn jacobian(&self, x: &DVector<f64>) -> Result<DMatrix<f64>, EvaluationError> {
@@ -278,7 +284,7 @@ impl Residuals for Shooting<'_> {
 }
 
 /// Stick travel, %, that moves a blade by one hundredth of a radian.
-fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
+pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
     [0, 1, 2, 3].map(|stick| {
         let most = vehicle
             .controls

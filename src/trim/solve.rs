@@ -8,7 +8,7 @@ use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::Shooting;
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
 /// How to trim.
@@ -43,6 +43,16 @@ impl Default for Options {
         }
     }
 }
+
+/// How near a coarse solution must be before a finer step takes over: about
+/// what the coarse step is right to.
+const COARSE_TOLERANCE: f64 = 1e-5;
+/// A Jacobian serves again after a step that cut the residuals to this part:
+/// a new one costs as much as several residuals.
+const CHORD_REDUCTION: f64 = 0.1;
+/// A step whose error is below this part of the tolerance is finer than a
+/// neighbour will need: twice it would do.
+const NEEDLESS: f64 = 1.0 / 40.0;
 
 /// Where to start from.
 #[derive(Debug, Clone, PartialEq)]
@@ -198,6 +208,8 @@ pub struct TrimPoint {
     pub residuals: Vec<ResidualReport>,
     /// State at azimuth zero.
     pub state: Vec<f64>,
+    /// States at the start of every step of the period.
+    pub orbit: Vec<Vec<f64>>,
     /// Mean state.
     pub mean_state: Vec<f64>,
     /// Sticks, %.
@@ -252,7 +264,11 @@ impl TrimPoint {
     /// The point as a guess for a neighbour.
     #[must_use]
     pub fn guess(&self) -> Guess {
-        Guess { state: self.state.clone(), sticks: self.sticks, steps: Some(self.steps) }
+        let usual = Options::default();
+        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
+        let half = self.steps / 2;
+        let steps = if needless && half >= usual.steps { half } else { self.steps };
+        Guess { state: self.state.clone(), sticks: self.sticks, steps: Some(steps) }
     }
 }
 
@@ -294,7 +310,9 @@ impl Guess {
 
 /// Trims a vehicle at a condition from a guess. The step is chosen by its
 /// error test: the solution is found again with half the step until halving
-/// it once more no longer matters.
+/// it once more no longer matters. A guess that says how fine a step its orbit
+/// needed is first brought near the solution with a coarse one; every finer
+/// system starts with the Jacobian of the coarser.
 ///
 /// # Panics
 /// Never: the least-squares options are valid by construction.
@@ -308,20 +326,42 @@ pub fn trim(
     let mut steps = guess.steps.unwrap_or(options.steps).max(4);
     let mut iterations = 0;
     let mut history = Vec::new();
-    let mut start = guess.clone();
-    loop {
-        let shooting = Shooting::new(vehicle, condition, options.method, steps);
+    let mut start = (guess.state.clone(), guess.sticks);
+    let mut jacobian = None;
+    let solve = |shooting: &Shooting<'_>,
+                 start: &(Vec<f64>, [f64; 4]),
+                 jacobian: Option<&DMatrix<f64>>,
+                 tolerance: f64| {
         let solver = least_squares::Options {
-            bounds: Some(bounds(vehicle, &shooting)),
+            bounds: Some(bounds(vehicle, shooting)),
             // The tolerance is on the norm; the solver looks at the largest.
-            residual_tolerance: options.residual_tolerance / (shooting.unknowns() as f64).sqrt(),
+            residual_tolerance: tolerance / (shooting.unknowns() as f64).sqrt(),
             max_iterations: options.max_iterations,
+            chord_reduction: Some(CHORD_REDUCTION),
             ..least_squares::Options::default()
         };
-        let x = shooting.pack(&start.state, &start.sticks);
-        let solution = match least_squares::solve(&shooting, &x, &solver, None) {
+        let x = shooting.pack(&start.0, &start.1);
+        let solution = least_squares::solve_with(shooting, &x, jacobian, &solver, None);
+        solution.map_err(|error| (x, error))
+    };
+    if steps > options.steps {
+        let shooting = Shooting::new(vehicle, condition, options.method, options.steps);
+        let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
+        if let Ok(solution) = solve(&shooting, &start, None, tolerance)
+            && solution.converged()
+        {
+            iterations += solution.iterations;
+            history.extend(solution.history);
+            start = shooting.unpack(&solution.x);
+            jacobian = solution.jacobian;
+        }
+    }
+    loop {
+        let shooting = Shooting::new(vehicle, condition, options.method, steps);
+        let solution = solve(&shooting, &start, jacobian.as_ref(), options.residual_tolerance);
+        let solution = match solution {
             Ok(solution) => solution,
-            Err(error) => {
+            Err((x, error)) => {
                 let failed = Status::Failed {
                     equations: Vec::new(),
                     binding: Vec::new(),
@@ -341,8 +381,8 @@ pub fn trim(
         if converged && !fine && 2 * steps <= options.most_steps {
             steps *= 2;
             let moved = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
-            let (state, sticks) = shooting.unpack(&moved);
-            start = Guess { state, sticks, steps: None };
+            start = shooting.unpack(&moved);
+            jacobian = solution.jacobian;
             continue;
         }
         let status = if converged && fine {
@@ -475,7 +515,9 @@ fn report(
     let mut power = PowerBalance::default();
     let mut range = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; vehicle.rotors.len()];
     let weight = 1.0 / steps as f64;
+    let mut orbit = Vec::with_capacity(steps);
     let period = shooting.fly(&state, &sticks, |_, time, state, effectors| {
+        orbit.push(state.to_vec());
         let azimuth = time * vehicle.reference_speed;
         vehicle.rates(azimuth, state, effectors, [0.0; 3], &mut work, &mut rates);
         let output = vehicle.output(state, effectors, [0.0; 3], &work);
@@ -515,7 +557,7 @@ fn report(
         mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
         mean.force_vibration = range[index].map(|[low, high]| 0.5 * (high - low));
     }
-    let values = shooting.evaluate(x).unwrap_or_else(|_| DVector::zeros(0));
+    let values = shooting.residuals_of(&state, &period);
     let residuals = shooting
         .equations()
         .iter()
@@ -550,6 +592,7 @@ fn report(
         residual_norm: values.norm(),
         residuals,
         state,
+        orbit,
         mean_state: period.mean,
         sticks,
         steps,

@@ -7,6 +7,9 @@ use crate::vehicle::Vehicle;
 /// Smallest fraction of the way between two conditions that homotopy tries.
 const SMALLEST_FRACTION: f64 = 1.0 / 64.0;
 
+/// Largest weight of a point in an extrapolation that is still trusted.
+const LARGEST_WEIGHT: f64 = 5.0;
+
 /// The points of a sweep, in the order asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sweep {
@@ -22,8 +25,9 @@ impl Sweep {
     }
 }
 
-/// Trims at every condition in turn. Each point starts from a straight line
-/// through the two before it, or from the one before it; where that fails,
+/// Trims at every condition in turn. Each point starts from a parabola through
+/// the three before it, a straight line through two, or from the one before it;
+/// where that fails,
 /// from an estimate; where that fails too, the way from the last good point is
 /// walked in smaller parts (homotopy in the condition). `progress` hears of
 /// every finished point.
@@ -36,14 +40,10 @@ pub fn sweep(
     let mut points: Vec<TrimPoint> = Vec::with_capacity(conditions.len());
     for condition in conditions {
         let good: Vec<&TrimPoint> =
-            points.iter().rev().filter(|point| point.on_orbit()).take(2).collect();
-        let mut point = match good.as_slice() {
-            [last, before, ..] => {
-                trim(vehicle, *condition, &predicted(last, before, condition), options)
-            }
-            [last] => trim(vehicle, *condition, &last.guess(), options),
-            [] => trim(vehicle, *condition, &Guess::estimate(vehicle, condition), options),
-        };
+            points.iter().rev().filter(|point| point.on_orbit()).take(3).collect();
+        let guess =
+            predicted(&good, condition).unwrap_or_else(|| Guess::estimate(vehicle, condition));
+        let mut point = trim(vehicle, *condition, &guess, options);
         // A condition can have several orbits. One beyond the limits may be a
         // neighbour's continuation while a better one exists.
         if point.status != Status::Converged && !good.is_empty() {
@@ -64,23 +64,36 @@ pub fn sweep(
     Sweep { points }
 }
 
-/// A guess on the straight line through two points.
-fn predicted(last: &TrimPoint, before: &TrimPoint, condition: &FlightCondition) -> Guess {
+/// A guess on the curve through the given points, last first: through all of
+/// them if they lie apart and the condition is near, else the last one.
+fn predicted(good: &[&TrimPoint], condition: &FlightCondition) -> Option<Guess> {
+    let last = *good.first()?;
     let distance = |a: &FlightCondition, b: &FlightCondition| {
         (a.airspeed - b.airspeed) + (a.climb_rate - b.climb_rate) + (a.turn_rate - b.turn_rate)
     };
-    let span = distance(&last.condition, &before.condition);
+    let places: Vec<f64> =
+        good.iter().map(|point| distance(&point.condition, &last.condition)).collect();
+    let here = distance(condition, &last.condition);
     let mut guess = last.guess();
-    let ahead = distance(condition, &last.condition) / span;
-    if ahead.is_finite() && ahead.abs() <= 2.0 {
-        for (value, old) in guess.state.iter_mut().zip(&before.state) {
-            *value += ahead * (*value - old);
+    // Lagrange weights; a far extrapolation shows in large ones.
+    let weights: Vec<f64> = (0..places.len())
+        .map(|k| {
+            let others = places.iter().enumerate().filter(|(other, _)| *other != k);
+            others.map(|(_, place)| (here - place) / (places[k] - place)).product()
+        })
+        .collect();
+    if weights.iter().all(|weight: &f64| weight.abs() <= LARGEST_WEIGHT) {
+        let curve = |value: &dyn Fn(&TrimPoint) -> f64| -> f64 {
+            good.iter().zip(&weights).map(|(point, weight)| weight * value(point)).sum()
+        };
+        for (k, value) in guess.state.iter_mut().enumerate() {
+            *value = curve(&|point| point.state[k]);
         }
-        for (value, old) in guess.sticks.iter_mut().zip(&before.sticks) {
-            *value += ahead * (*value - old);
+        for (k, value) in guess.sticks.iter_mut().enumerate() {
+            *value = curve(&|point| point.sticks[k]);
         }
     }
-    guess
+    Some(guess)
 }
 
 /// Walks from a good point (or from hover) to a condition in parts as small as

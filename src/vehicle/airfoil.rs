@@ -3,14 +3,19 @@
 //! A [`Section`] gives lift and drag coefficients and their partial
 //! derivatives at an angle of attack and a Mach number. It is continuous with
 //! its first derivatives everywhere, the seam at ±180° included, so that the
-//! Jacobians of trim have no kinks, and between table nodes it never leaves
-//! the range of the four nodes around it.
+//! Jacobians of trim have no kinks.
 //!
-//! Tables are bicubic ([`crate::numerics::interpolation::Bicubic`]). Beyond
-//! the Mach numbers of a table its coefficients stay constant; the surface
-//! meets the first and the last Mach number with zero slope so that this
-//! leaves no kink. At Mach 0 that is also right: compressibility enters with
-//! the square of the Mach number.
+//! Tables are bicubic ([`crate::numerics::interpolation::Bicubic`]): splines,
+//! whose curvature is continuous too, so that integration along an orbit
+//! converges fast. A coefficient whose spline would ring (leave its data by
+//! more than a smooth extremum needs, or give a drag below zero) is
+//! interpolated by a surface with limited slopes instead, which stays within
+//! the data.
+//!
+//! Beyond the Mach numbers of a table its coefficients stay constant; the
+//! surface meets the first and the last Mach number with zero slope so that
+//! this leaves no kink. At Mach 0 that is also right: compressibility enters
+//! with the square of the Mach number.
 
 use std::f64::consts::{PI, TAU};
 
@@ -50,6 +55,11 @@ enum Kind {
 /// turned to radians, no more.
 const SEAM_TOLERANCE: f64 = 1e-6;
 
+/// Most that a spline may leave the range of a cell's corners, relative to the
+/// range of the nodes around the cell. A smooth extremum between two nodes
+/// needs some; a kink or a mistyped entry makes a spline ring by more.
+const MOST_OVERSHOOT: f64 = 0.2;
+
 /// End rules in angle of attack and in Mach number.
 const ENDS: [Ends; 2] = [Ends::Periodic, Ends::Flat];
 
@@ -66,19 +76,11 @@ impl Section {
     pub fn new(airfoil: &Airfoil) -> Result<Self, GridError> {
         match airfoil {
             Airfoil::Table(table) => {
-                let [lift, drag] = [periodic(&table.lift)?, periodic(&table.drag)?];
-                let surfaces =
-                    if lift.angle_of_attack == drag.angle_of_attack && lift.mach == drag.mach {
-                        Bicubic::new(
-                            &lift.angle_of_attack,
-                            &lift.mach,
-                            [&lift.value, &drag.value],
-                            ENDS,
-                        )?
-                    } else {
-                        Bicubic::join([&surface(&lift)?, &surface(&drag)?])
-                    };
-                Ok(Self(Kind::Table(surfaces)))
+                let lift = surface(&periodic(&table.lift)?)?;
+                let drag = periodic(&table.drag)?;
+                let smooth = surface(&drag)?;
+                let drag = if smooth.is_positive() { smooth } else { within_data(&drag)? };
+                Ok(Self(Kind::Table(Bicubic::join([&lift, &drag]))))
             }
             &Airfoil::Analytic { lift_slope, zero_lift_angle, drag } => {
                 Ok(Self(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
@@ -119,7 +121,7 @@ impl Section {
 
     /// Lift and drag coefficients alone: the bits of
     /// [`Section::coefficients`] at less cost.
-    #[inline]
+    #[inline(always)]
     pub fn lift_drag(&self, angle_of_attack: f64, mach: f64) -> (f64, f64) {
         let alpha = wrap(angle_of_attack);
         match &self.0 {
@@ -164,7 +166,7 @@ fn plate_angle(angle: f64) -> (f64, f64) {
 }
 
 /// An angle brought to [−π, π) by whole turns.
-#[inline]
+#[inline(always)]
 fn wrap(angle: f64) -> f64 {
     // Blade and surface angles lie within two turns; the compiler's general
     // remainder costs more than the table lookup.
@@ -218,8 +220,15 @@ fn periodic(grid: &CoefficientGrid) -> Result<CoefficientGrid, GridError> {
     Ok(grid)
 }
 
-/// The surface of one coefficient of a [`periodic`] grid.
+/// The surface of one coefficient of a [`periodic`] grid: a spline, or, where
+/// that would ring, the smoothest surface that stays within the data.
 fn surface(grid: &CoefficientGrid) -> Result<Bicubic<1>, GridError> {
+    let spline = Bicubic::spline(&grid.angle_of_attack, &grid.mach, [&grid.value], ENDS)?;
+    if spline.overshoot() <= MOST_OVERSHOOT { Ok(spline) } else { within_data(grid) }
+}
+
+/// The C¹ surface of a [`periodic`] grid that stays within its data.
+fn within_data(grid: &CoefficientGrid) -> Result<Bicubic<1>, GridError> {
     Bicubic::new(&grid.angle_of_attack, &grid.mach, [&grid.value], ENDS)
 }
 
@@ -413,7 +422,9 @@ mod tests {
         *thinned.drag.angle_of_attack.last_mut().unwrap() = PI;
         thinned.drag.mach = NACA.drag.mach[2..].to_vec();
         let mixed = Section::new(&Airfoil::Table(Arc::new(thinned.clone()))).unwrap();
-        let alone = surface(&periodic(&thinned.drag).unwrap()).unwrap();
+        let drag = periodic(&thinned.drag).unwrap();
+        let smooth = surface(&drag).unwrap();
+        let alone = if smooth.is_positive() { smooth } else { within_data(&drag).unwrap() };
         for k in -31..=31 {
             let alpha = 0.1 * f64::from(k) + 0.003;
             for mach in [0.0, 0.25, 0.3, 0.61, 0.9, 1.0] {
@@ -486,5 +497,33 @@ mod tests {
         assert!(SECTION.coefficients(f64::NAN, 0.3).lift.is_nan());
         assert!(SECTION.coefficients(0.1, f64::NAN).drag.is_nan());
         assert!(SECTION.lift_drag(f64::INFINITY, 0.3).0.is_nan());
+    }
+
+    /// The table that we ship is smooth enough for splines; one wrong entry
+    /// makes them ring, and then no coefficient leaves its neighbours.
+    #[test]
+    fn a_wrong_entry_does_not_ring_through_the_table() {
+        let lift = periodic(&NACA.lift).unwrap();
+        let drag = periodic(&NACA.drag).unwrap();
+        let spline = |grid: &CoefficientGrid| {
+            Bicubic::spline(&grid.angle_of_attack, &grid.mach, [&grid.value], ENDS).unwrap()
+        };
+        assert!(spline(&lift).overshoot() < MOST_OVERSHOOT, "{}", spline(&lift).overshoot());
+        assert!(spline(&drag).overshoot() < MOST_OVERSHOOT, "{}", spline(&drag).overshoot());
+        assert!(spline(&drag).is_positive());
+
+        let mut table = NACA.clone();
+        let columns = table.lift.mach.len();
+        let row = table.lift.angle_of_attack.iter().position(|&a| a > 0.05).unwrap();
+        table.lift.value[row * columns + 3] *= 10.0;
+        let section = Section::new(&Airfoil::Table(Arc::new(table.clone()))).unwrap();
+        let mach = table.lift.mach[3];
+        for k in 0..40 {
+            // Two cells above the wrong entry.
+            let (a, b) = (table.lift.angle_of_attack[row + 2], table.lift.angle_of_attack[row + 3]);
+            let (lift, _) = section.lift_drag(a + (b - a) * f64::from(k) / 40.0, mach);
+            let ends = [row + 2, row + 3].map(|r| table.lift.value[r * columns + 3]);
+            assert!(lift >= ends[0].min(ends[1]) - 1e-12 && lift <= ends[0].max(ends[1]) + 1e-12);
+        }
     }
 }

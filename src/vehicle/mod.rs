@@ -23,7 +23,7 @@ pub mod rotor;
 pub mod summary;
 pub mod wing;
 
-use crate::numerics::scalar::{Scalar, Vec3};
+use crate::numerics::scalar::{Local, Scalar, Vec3};
 use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
@@ -126,8 +126,8 @@ pub struct Workspace<S> {
     pub(crate) shaft: Vec<Shaft<S>>,
     pub(crate) teeter: Vec<[S; 2]>,
     pub(crate) loads: Vec<RotorLoads<S>>,
-    /// Rows of hub-to-blades rotations.
-    pub(crate) blades: Vec<[Vec3<S>; 3]>,
+    /// Rows of hub-to-blades rotations, without tangents.
+    pub(crate) blades: Vec<[Vec3<f64>; 3]>,
     pub(crate) fuselage_loads: Vec<(Vec3<S>, Vec3<S>)>,
     pub(crate) wing_loads: Vec<(Vec3<S>, Vec3<S>)>,
     /// Specific force of the centre of gravity and angular acceleration.
@@ -319,7 +319,7 @@ impl Vehicle {
             shaft: vec![shaft; n],
             teeter: vec![[S::default(); 2]; n],
             loads: vec![RotorLoads::default(); n],
-            blades: vec![[zero; 3]; n],
+            blades: vec![[Vec3::default(); 3]; n],
             fuselage_loads: vec![(zero, zero); self.fuselages.len()],
             wing_loads: vec![(zero, zero); self.wings.len()],
             acceleration: [zero; 2],
@@ -433,7 +433,8 @@ impl Vehicle {
                 pitch_coefficient: c_m,
             };
             work.teeter[index] = rotor.teeter(&flapping, shaft);
-            work.blades[index] = rotor.hub_to_blades(work.teeter[index][0], shaft);
+            let [teeter_angle, _] = work.teeter[index].map(S::value);
+            work.blades[index] = rotor.hub_to_blades(teeter_angle, &shaft.value());
 
             let drive = [c_t, -c_m, -c_l];
             for (k, &load) in drive.iter().enumerate() {
@@ -473,8 +474,14 @@ impl Vehicle {
             let places = &self.layout.rotors[index];
             let shaft = work.shaft[index];
             if let Some(start) = places.flapping {
-                let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
-                let (_, _, extra) = rotor.acceleration_loads(&work.blades[index], hub, spin);
+                let ([p, q, r], [ax, ay, az]) = (rate.0, specific_force.0);
+                let [wx, wy, wz] = angular.0;
+                let Shaft { sine, cosine, .. } = shaft;
+                let teeter_angle = work.teeter[index][0];
+                let [extra] = S::compose(
+                    &TeeterOfHub { vehicle: self, index },
+                    &[p, q, r, ax, ay, az, wx, wy, wz, teeter_angle, sine, cosine],
+                );
                 let total = work.loads[index].teeter_acceleration + extra;
                 let [b1c, b1s] = rotor.flapping_rates(work.teeter[index], total, &shaft);
                 rates[start] = b1c;
@@ -726,22 +733,23 @@ impl Vehicle {
                 matrix[3 + k][3 + j] = self.inertia[k][j];
             }
         }
-        let mut right = [S::default(); 6];
-        let gyroscopic = rate.cross(rate.rotated(&self.inertia));
+        let zero = Vec3::<f64>::default();
+        let rate_value = Vec3(rate.value());
+        let gyroscopic = rate_value.cross(rate_value.rotated(&self.inertia));
+        let mut right = [0.0; 6];
         for k in 0..3 {
-            right[k] = force.0[k];
-            right[3 + k] = moment.0[k] - gyroscopic.0[k];
+            right[k] = force.0[k].value();
+            right[3 + k] = moment.0[k].value() - gyroscopic.0[k];
         }
-        let zero = Vec3::<S>::default();
         for (index, rotor) in self.rotors.iter().enumerate() {
-            let (hub, _) = self.hub_acceleration(index, rate, zero, zero);
-            let (f, m) = self.returned(index, &work.blades[index], hub, zero);
+            let blades = work.blades[index];
+            let (hub, _) = self.hub_acceleration(index, rate_value, zero, zero);
+            let (f, m) = self.returned(index, &blades, hub, zero);
             for k in 0..3 {
                 right[k] += f.0[k];
                 right[3 + k] += m.0[k];
             }
             // Columns of the mass matrix: what unit accelerations return.
-            let blades = work.blades[index].map(|row| Vec3(row.value()));
             let polar = &rotor.frame.polar;
             let turn = rotor.frame.handedness;
             for column in 0..6 {
@@ -762,27 +770,29 @@ impl Vehicle {
             }
         }
         let inverse = inverted(&matrix);
-        let value = right.map(S::value);
         let mut solution = [0.0; 6];
         for (row, out) in inverse.iter().zip(&mut solution) {
-            *out = row.iter().zip(&value).map(|(a, b)| a * b).sum();
+            *out = row.iter().zip(&right).map(|(a, b)| a * b).sum();
         }
         let mut answer = solution.map(S::constant);
         if S::TANGENTS > 0 {
             // Differentiate the equations at the solution: the tangents of
             // right − matrix · solution, through the inverse.
-            let still = [
-                Vec3::constant([solution[0], solution[1], solution[2]]),
-                Vec3::constant([solution[3], solution[4], solution[5]]),
-            ];
-            let mut residual = right;
-            let still_rate = zero;
-            for (index, _) in self.rotors.iter().enumerate() {
-                let (hub, angular) = self.hub_acceleration(index, still_rate, still[0], still[1]);
-                let (f, m) = self.returned(index, &work.blades[index], hub, angular);
-                for k in 0..3 {
-                    residual[k] += f.0[k];
-                    residual[3 + k] += m.0[k];
+            let [p, q, r] = rate.0;
+            let gyroscopic = S::compose(&Gyroscopic { inertia: &self.inertia }, &[p, q, r]);
+            let mut residual = [S::default(); 6];
+            for k in 0..3 {
+                residual[k] = force.0[k];
+                residual[3 + k] = moment.0[k] - gyroscopic[k];
+            }
+            for index in 0..self.rotors.len() {
+                let Shaft { sine, cosine, .. } = work.shaft[index];
+                let part = S::compose(
+                    &ReturnedAt { vehicle: self, index, solution },
+                    &[p, q, r, work.teeter[index][0], sine, cosine],
+                );
+                for (sum, value) in residual.iter_mut().zip(part) {
+                    *sum += value;
                 }
             }
             for k in 0..6 {
@@ -791,6 +801,73 @@ impl Vehicle {
         }
         work.acceleration =
             [Vec3([answer[0], answer[1], answer[2]]), Vec3([answer[3], answer[4], answer[5]])];
+    }
+}
+
+/// What the blades of a rotor return at a given specific force and angular
+/// acceleration of the airframe, force then moment, as a local function of the
+/// body rates, the teeter angle, and the sine and cosine of the azimuth.
+struct ReturnedAt<'a> {
+    vehicle: &'a Vehicle,
+    index: usize,
+    solution: [f64; 6],
+}
+
+impl Local<6, 6> for ReturnedAt<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, &[p, q, r, teeter, sine, cosine]: &[T; 6]) -> [T; 6] {
+        let Self { vehicle, index, solution: [ax, ay, az, wx, wy, wz] } = *self;
+        let zero = T::default();
+        let shaft = Shaft { speed: zero, acceleration: zero, sine, cosine };
+        let blades = vehicle.rotors[index].hub_to_blades(teeter, &shaft);
+        let (hub, angular) = vehicle.hub_acceleration(
+            index,
+            Vec3([p, q, r]),
+            Vec3::constant([ax, ay, az]),
+            Vec3::constant([wx, wy, wz]),
+        );
+        let (force, moment) = vehicle.returned(index, &blades, hub, angular);
+        let ([fx, fy, fz], [mx, my, mz]) = (force.0, moment.0);
+        [fx, fy, fz, mx, my, mz]
+    }
+}
+
+/// Teeter acceleration that the motion of the hub adds, as a local function of
+/// body rates, specific force, angular acceleration, teeter angle, and sine and
+/// cosine of the azimuth.
+struct TeeterOfHub<'a> {
+    vehicle: &'a Vehicle,
+    index: usize,
+}
+
+impl Local<12, 1> for TeeterOfHub<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, x: &[T; 12]) -> [T; 1] {
+        let &[p, q, r, ax, ay, az, wx, wy, wz, teeter, sine, cosine] = x;
+        let (vehicle, index, zero) = (self.vehicle, self.index, T::default());
+        let shaft = Shaft { speed: zero, acceleration: zero, sine, cosine };
+        let rotor = &vehicle.rotors[index];
+        let blades = rotor.hub_to_blades(teeter, &shaft);
+        let (hub, spin) = vehicle.hub_acceleration(
+            index,
+            Vec3([p, q, r]),
+            Vec3([ax, ay, az]),
+            Vec3([wx, wy, wz]),
+        );
+        [rotor.acceleration_loads(&blades, hub, spin).2]
+    }
+}
+
+/// ω × I ω as a local function of ω.
+struct Gyroscopic<'a> {
+    inertia: &'a Matrix3,
+}
+
+impl Local<3, 3> for Gyroscopic<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, &[p, q, r]: &[T; 3]) -> [T; 3] {
+        let rate = Vec3([p, q, r]);
+        rate.cross(rate.rotated(self.inertia)).0
     }
 }
 

@@ -24,7 +24,7 @@
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
 //! hub, belongs to the airframe (see `MassProperties`).
 
-use crate::numerics::scalar::{Local, Scalar, Vec3};
+use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
 use crate::problem::{self, HubKind, Spanwise};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
@@ -112,6 +112,19 @@ pub struct Shaft<S> {
     pub sine: S,
     /// Cosine of the azimuth of blade 1.
     pub cosine: S,
+}
+
+impl<S: Scalar> Shaft<S> {
+    /// The shaft without tangents.
+    #[inline(always)]
+    pub(super) fn value(&self) -> Shaft<f64> {
+        Shaft {
+            speed: self.speed.value(),
+            acceleration: self.acceleration.value(),
+            sine: self.sine.value(),
+            cosine: self.cosine.value(),
+        }
+    }
 }
 
 /// What a rotor feels and is told, in its own hub frame.
@@ -519,7 +532,7 @@ impl Rotor {
             let u2 = ut * ut + up * up;
             let u = u2.sqrt();
             let mach = (u2 + ur * ur).sqrt() * inverse_sound;
-            let alpha = pitch + element.twist + inflow_angle(up, ut);
+            let alpha = pitch + element.twist + arc_tangent(up, ut);
             let (lift, drag) = self.section.lift_drag(alpha, mach);
             let lift = lift * element.lifting;
             let k = element.half_density_area * u;
@@ -550,7 +563,7 @@ impl Rotor {
             let u = u2.sqrt();
             let total = (u2 + ur * ur).sqrt();
             let mach = total * inverse_sound;
-            let alpha = pitch + element.twist + inflow_angle(up, ut);
+            let alpha = pitch + element.twist + arc_tangent(up, ut);
             let section = self.section.coefficients(alpha, mach);
             let lifting = element.lifting;
             let (lift, drag) = (section.lift * lifting, section.drag);
@@ -620,28 +633,6 @@ impl Rotor {
         probe.run(input, shaft);
         probe.power
     }
-}
-
-/// Steepest flow, u_P/u_T, for which the series of the arc tangent is summed.
-const SHALLOW: f64 = 0.25;
-
-/// Angle of the flow atan2(u_P, u_T), rad. Nearly every section meets a shallow
-/// flow, for which the series to x²⁵ is exact to rounding (the next term is
-/// below 1e-17) and several times faster than the library's function.
-#[inline(always)]
-fn inflow_angle(up: f64, ut: f64) -> f64 {
-    if up.abs() > SHALLOW * ut {
-        return up.atan2(ut);
-    }
-    let x = up / ut;
-    let y = x * x;
-    let (y2, one) = (y * y, 1.0);
-    let y4 = y2 * y2;
-    // Estrin's scheme: short chains of dependent products.
-    let a = (one - y / 3.0) + y2 * (0.2 - y / 7.0);
-    let b = (one / 9.0 - y / 11.0) + y2 * (one / 13.0 - y / 15.0);
-    let c = (one / 17.0 - y / 19.0) + y2 * (one / 21.0 - y / 23.0);
-    x * (a + y4 * (b + y4 * (c + y4 * (one / 25.0))))
 }
 
 /// Walks the blades once more in plain numbers to split their power.

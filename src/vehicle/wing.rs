@@ -7,7 +7,7 @@
 //! plane of each section; the spanwise component of the flow does nothing
 //! (simple sweep theory).
 
-use crate::numerics::scalar::{Local, Scalar, Vec3};
+use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
 use crate::problem::{self, Wash, WingModel};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
@@ -159,7 +159,11 @@ impl Wing {
                 None => free,
             };
             let [x, _, z] = local.rotated(&strip.rotation).0;
-            let (value, partial) = self.section_force(strip, x.value(), z.value());
+            let (value, partial) = if S::TANGENTS == 0 {
+                self.section_force::<false>(strip, x.value(), z.value())
+            } else {
+                self.section_force::<true>(strip, x.value(), z.value())
+            };
             let section = Vec3([
                 S::chain(value[0], &partial[0], &[x, z]),
                 S::default(),
@@ -173,14 +177,20 @@ impl Wing {
     }
 
     /// Force along section x and z from the section's velocity through the
-    /// air, and its partial derivatives with both components.
-    fn section_force(&self, strip: &Strip, x: f64, z: f64) -> ([f64; 2], [[f64; 2]; 2]) {
+    /// air, and, if `PARTIALS` (else zero), its partial derivatives with both
+    /// components.
+    fn section_force<const PARTIALS: bool>(
+        &self,
+        strip: &Strip,
+        x: f64,
+        z: f64,
+    ) -> ([f64; 2], [[f64; 2]; 2]) {
         let u2 = x * x + z * z;
         if u2 == 0.0 {
             return ([0.0; 2], [[0.0; 2]; 2]);
         }
         let u = u2.sqrt();
-        let alpha = z.atan2(x);
+        let alpha = arc_tangent(z, x);
         let (lift, lift_a, lift_m, drag, drag_a, drag_m) = match &self.lift {
             Lift::Strips { section, slope_factor, zero_lift_angle } => {
                 let (fade, fade_a) = smooth_step(alpha.abs(), INDUCED_FADE[0], INDUCED_FADE[1]);
@@ -189,9 +199,17 @@ impl Wing {
                 let off = alpha - zero_lift_angle;
                 let effective = zero_lift_angle + factor * off;
                 let effective_a = factor + (1.0 - slope_factor) * fade_a * off;
-                let c = section.coefficients(effective, u / self.sound_speed);
+                let mach = u / self.sound_speed;
                 // Lift leans back by the induced angle.
                 let induced = alpha - effective;
+                if !PARTIALS {
+                    let (lift, drag) = section.lift_drag(effective, mach);
+                    let drag = drag + lift * induced;
+                    let k = strip.half_density_area * u;
+                    let force = [k * (lift * z - drag * x), k * (-lift * x - drag * z)];
+                    return (force, [[0.0; 2]; 2]);
+                }
+                let c = section.coefficients(effective, mach);
                 let induced_a = 1.0 - effective_a;
                 (
                     c.lift,

@@ -1,3 +1,4 @@
     for (unsigned int i = 0u; i < 4u; i++) {
-        acceleration[i] -= dot(&p[@U@_FEEDBACK + (8u * i)], ideal, 3u) * (@ONE@ - KAPPA);
+        nu[i] += cancelled(&p[@U@_FEEDBACK + (8u * i)], ideal);
+        commanded[i] -= dot(&p[@U@_FEEDBACK + (8u * i)], ideal, 8u);
     }

@@ -54,9 +54,12 @@ typedef struct {
 
 /* The law's memory. Its members are private. */
 typedef struct {
-    @P@_real reference[4][3]; /* phi, theta, r, V_z: value, rate, acceleration */
-    @P@_real history[@U@_DELAY + 1u][4][2]; /* values and rates, a ring */
+    /* phi, theta, r, V_z, then V_x and V_y: value, rate, acceleration */
+    @P@_real reference[6][3];
+    @P@_real history[@U@_DELAY + 1u][6][2]; /* values and rates, a ring */
     unsigned int newest;
+    @P@_real velocity_command[2]; /* lags of the commands forward and to the right */
+    unsigned int velocity_mode;   /* whether the last step was under a velocity demand */
     @P@_real integral[4];
     @P@_real velocity_integral[2];
     @P@_real model[2];         /* u, v of the reference model, from trim */
@@ -80,6 +83,13 @@ void @P@_reset(@P@_state *state);
  * limits. The only memory is *state; any number of laws may run side by side. */
 @P@_status @P@_step(@P@_state *state, const @P@_measurement *measurement,
     const @P@_demand *demand, @P@_real sticks[4]);
+
+/* Starts from a measurement with given sticks and without a transient: the
+ * integrals take what the law would otherwise lack, so that the next step's
+ * sticks are these. To be called in place of @P@_reset when the law is switched
+ * on in flight. */
+@P@_status @P@_engage(@P@_state *state, const @P@_measurement *measurement,
+    const @P@_demand *demand, const @P@_real sticks[4]);
 
 /* The tables at a true airspeed in m/s: linear between breakpoints, constant
  * beyond the ends. */

@@ -28,6 +28,7 @@
 
 mod axis;
 mod colors;
+pub mod diagram;
 mod draw;
 mod svg;
 
@@ -74,6 +75,7 @@ pub enum Tone {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     label: String,
+    hint: String,
     points: Vec<[f64; 2]>,
     color: usize,
     dash: usize,
@@ -104,6 +106,7 @@ impl Series {
     pub fn from_points(label: &str, points: Vec<[f64; 2]>) -> Self {
         Self {
             label: label.to_string(),
+            hint: String::new(),
             points,
             color: 0,
             dash: 0,
@@ -114,6 +117,19 @@ impl Series {
             opacity: 1.0,
             mismatch: None,
         }
+    }
+
+    /// What the series is, for readers who point at it, where the legend does
+    /// not name it.
+    #[must_use]
+    pub fn hint(mut self, hint: &str) -> Self {
+        self.hint = hint.to_string();
+        self
+    }
+
+    /// The label, or what stands for it.
+    fn spoken(&self) -> &str {
+        if self.label.is_empty() { &self.hint } else { &self.label }
     }
 
     /// Colour, dash and marker number `index`.
@@ -460,7 +476,11 @@ pub struct Figure {
     legend: Legend,
     adaptive: bool,
     id: Option<String>,
+    class: Option<String>,
 }
+
+/// Widest panel that a phone shows without making its letters smaller, px.
+const NARROW_PANEL: f64 = 255.0;
 
 impl Figure {
     /// A figure without panels.
@@ -477,6 +497,7 @@ impl Figure {
             legend: Legend::Auto,
             adaptive: false,
             id: None,
+            class: None,
         }
     }
 
@@ -498,6 +519,19 @@ impl Figure {
     #[must_use]
     pub fn panel(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
+        self
+    }
+
+    /// Adds the panels of another figure; panels without a title take its.
+    #[must_use]
+    pub fn append(mut self, other: Self) -> Self {
+        let title = other.title;
+        self.panels.extend(other.panels.into_iter().map(|mut panel| {
+            if panel.title.is_empty() {
+                panel.title.clone_from(&title);
+            }
+            panel
+        }));
         self
     }
 
@@ -544,6 +578,39 @@ impl Figure {
     pub fn id(mut self, id: &str) -> Self {
         self.id = Some(id.to_string());
         self
+    }
+
+    /// A class of the `<svg>` element, for the style sheet of a page around it.
+    #[must_use]
+    pub fn class(mut self, class: &str) -> Self {
+        self.class = Some(class.to_string());
+        self
+    }
+
+    /// The figure for a narrow page: panels one below the other, no wider than
+    /// a phone. `None` where it already is, or cannot be made so.
+    #[must_use]
+    pub fn narrow(&self) -> Option<Self> {
+        let (width, height) = self.panel_size;
+        let columns = self.columns.min(self.panels.len().max(1));
+        if self.panels.iter().any(|panel| panel.heatmap.is_some())
+            || (columns == 1 && width <= NARROW_PANEL + 30.0)
+        {
+            return None;
+        }
+        let scale = (NARROW_PANEL / width).min(1.0);
+        let equal = self.panels.iter().any(|panel| panel.equal_aspect);
+        let mut narrow = self.clone().columns(1);
+        narrow.panel_size = (width * scale, if equal { height * scale } else { height });
+        // Panels of one column share less: keep every axis labelled.
+        narrow.share_x = self.share_x && columns == 1;
+        Some(narrow)
+    }
+
+    /// Whether the figure is a wide table that a narrow page has to scroll.
+    #[must_use]
+    pub fn is_long(&self) -> bool {
+        self.panels.iter().any(|panel| panel.heatmap.is_some())
     }
 
     /// The title, for the heading of a section around the figure.

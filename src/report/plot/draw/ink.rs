@@ -7,42 +7,42 @@ use super::super::colors::{LIGHT_PALETTE, role};
 use super::super::svg::{coordinate as px, escape, fixed, text_width, typographic};
 use super::super::{STYLE_COUNT, Tone};
 
-pub(super) const TITLE_SIZE: f64 = 14.0;
-pub(super) const SUBTITLE_SIZE: f64 = 11.0;
-pub(super) const PANEL_TITLE_SIZE: f64 = 11.5;
-pub(super) const LABEL_SIZE: f64 = 11.0;
-pub(super) const TICK_SIZE: f64 = 10.0;
-pub(super) const NOTE_SIZE: f64 = 9.5;
-pub(super) const LEGEND_SIZE: f64 = 10.5;
-pub(super) const LEGEND_LINE: f64 = 15.0;
-pub(super) const LEGEND_SAMPLE: f64 = 28.0;
-pub(super) const TICK_LENGTH: f64 = 4.0;
-pub(super) const OUTER_MARGIN: f64 = 10.0;
+pub(in crate::report::plot) const TITLE_SIZE: f64 = 14.0;
+pub(in crate::report::plot) const SUBTITLE_SIZE: f64 = 11.0;
+pub(in crate::report::plot) const PANEL_TITLE_SIZE: f64 = 11.5;
+pub(in crate::report::plot) const LABEL_SIZE: f64 = 11.0;
+pub(in crate::report::plot) const TICK_SIZE: f64 = 10.0;
+pub(in crate::report::plot) const NOTE_SIZE: f64 = 9.5;
+pub(in crate::report::plot) const LEGEND_SIZE: f64 = 10.5;
+pub(in crate::report::plot) const LEGEND_LINE: f64 = 15.0;
+pub(in crate::report::plot) const LEGEND_SAMPLE: f64 = 28.0;
+pub(in crate::report::plot) const TICK_LENGTH: f64 = 4.0;
+pub(in crate::report::plot) const OUTER_MARGIN: f64 = 10.0;
 /// Curves are cut this far outside the frame; the clip path does the rest.
-pub(super) const CLIP_MARGIN: f64 = 20.0;
+pub(in crate::report::plot) const CLIP_MARGIN: f64 = 20.0;
 /// Series with more points than this get no mark or hover text on each of them.
-pub(super) const MOST_MARKS: usize = 400;
+pub(in crate::report::plot) const MOST_MARKS: usize = 400;
 /// Stands for the figure's identifier until its contents are known.
-pub(super) const ID: &str = "\u{1}";
+pub(in crate::report::plot) const ID: &str = "\u{1}";
 
-pub(super) const DASHES: [&str; STYLE_COUNT] =
+pub(in crate::report::plot) const DASHES: [&str; STYLE_COUNT] =
     ["", "7 3.2", "1.8 2.6", "8 3 1.8 3", "3.6 2.2", "10 3 1.8 2.6 1.8 3", "13 4", "1.2 4"];
 
-pub(super) const FONTS: &str =
+pub(in crate::report::plot) const FONTS: &str =
     "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
 
 /// Attributes for a stroke in a role's colour.
-pub(super) fn stroke(name: &str) -> String {
+pub(in crate::report::plot) fn stroke(name: &str) -> String {
     format!("class=\"cx-s-{name}\" stroke=\"{}\"", role(name))
 }
 
 /// Attributes for a fill in a role's colour.
-pub(super) fn fill(name: &str) -> String {
+pub(in crate::report::plot) fn fill(name: &str) -> String {
     format!("class=\"cx-f-{name}\" fill=\"{}\"", role(name))
 }
 
 /// Class and colour of a tone, for use with `cx-s-` and `cx-f-`.
-pub(super) fn tone_color(tone: Tone) -> (String, &'static str) {
+pub(in crate::report::plot) fn tone_color(tone: Tone) -> (String, &'static str) {
     match tone {
         Tone::Forbidden => ("forbidden".to_string(), role("forbidden")),
         Tone::Neutral => ("muted".to_string(), role("muted")),
@@ -53,7 +53,7 @@ pub(super) fn tone_color(tone: Tone) -> (String, &'static str) {
     }
 }
 
-pub(super) fn tone_opacity(tone: Tone) -> f64 {
+pub(in crate::report::plot) fn tone_opacity(tone: Tone) -> f64 {
     match tone {
         Tone::Forbidden => 0.13,
         Tone::Neutral => 0.12,
@@ -62,7 +62,14 @@ pub(super) fn tone_opacity(tone: Tone) -> f64 {
 }
 
 /// Text at a place: `anchor` is start, middle or end.
-pub(super) fn text(x: f64, y: f64, anchor: &str, size: f64, color: &str, content: &str) -> String {
+pub(in crate::report::plot) fn text(
+    x: f64,
+    y: f64,
+    anchor: &str,
+    size: f64,
+    color: &str,
+    content: &str,
+) -> String {
     format!(
         "<text x=\"{}\" y=\"{}\" text-anchor=\"{anchor}\" font-size=\"{size}\" {}>{}</text>",
         px(x),
@@ -73,7 +80,7 @@ pub(super) fn text(x: f64, y: f64, anchor: &str, size: f64, color: &str, content
 }
 
 /// Text with a halo of the background, readable on top of lines.
-pub(super) fn halo_text(
+pub(in crate::report::plot) fn halo_text(
     x: f64,
     y: f64,
     anchor: &str,
@@ -95,7 +102,7 @@ pub(super) fn halo_text(
 
 /// The runs of a label and how far each is shifted down, px: `_{...}` is a
 /// subscript, `^{...}` a superscript.
-pub(super) fn runs(label: &str) -> Vec<(&str, f64)> {
+pub(in crate::report::plot) fn runs(label: &str) -> Vec<(&str, f64)> {
     let mut found = Vec::new();
     let mut rest = label;
     let next = |s: &str| match (s.find("_{"), s.find("^{")) {
@@ -117,7 +124,7 @@ pub(super) fn runs(label: &str) -> Vec<(&str, f64)> {
 }
 
 /// A label as SVG text content.
-pub(super) fn rich(label: &str, size: f64) -> String {
+pub(in crate::report::plot) fn rich(label: &str, size: f64) -> String {
     let mut out = String::new();
     // In SVG a shift holds for all that follows.
     let mut now = 0.0;
@@ -141,15 +148,15 @@ pub(super) fn rich(label: &str, size: f64) -> String {
 }
 
 /// A label without the markup of [`rich`].
-pub(super) fn plain(label: &str) -> String {
+pub(in crate::report::plot) fn plain(label: &str) -> String {
     runs(label).into_iter().map(|(run, _)| run).collect()
 }
 
-pub(super) fn rule(a: [f64; 2], b: [f64; 2]) -> String {
+pub(in crate::report::plot) fn rule(a: [f64; 2], b: [f64; 2]) -> String {
     format!("M{} {}L{} {}", px(a[0]), px(a[1]), px(b[0]), px(b[1]))
 }
 
-pub(super) fn label_width(label: &TickLabel) -> f64 {
+pub(in crate::report::plot) fn label_width(label: &TickLabel) -> f64 {
     match label {
         TickLabel::Plain(s) => text_width(s, TICK_SIZE),
         TickLabel::Decade(e) => {
@@ -158,7 +165,12 @@ pub(super) fn label_width(label: &TickLabel) -> f64 {
     }
 }
 
-pub(super) fn tick_text(x: f64, y: f64, anchor: &str, label: &TickLabel) -> String {
+pub(in crate::report::plot) fn tick_text(
+    x: f64,
+    y: f64,
+    anchor: &str,
+    label: &TickLabel,
+) -> String {
     match label {
         TickLabel::Plain(s) => text(x, y, anchor, TICK_SIZE, "fg", s),
         TickLabel::Decade(e) => format!(
@@ -173,7 +185,7 @@ pub(super) fn tick_text(x: f64, y: f64, anchor: &str, label: &TickLabel) -> Stri
     }
 }
 
-pub(super) fn factor_text(exponent: i32) -> String {
+pub(in crate::report::plot) fn factor_text(exponent: i32) -> String {
     let digits: String = exponent
         .to_string()
         .chars()
@@ -190,7 +202,7 @@ pub(super) fn factor_text(exponent: i32) -> String {
 }
 
 /// Breaks `content` at blanks into lines no wider than `width`.
-pub(super) fn wrap(content: &str, size: f64, width: f64) -> Vec<String> {
+pub(in crate::report::plot) fn wrap(content: &str, size: f64, width: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in content.split_whitespace() {
         match lines.last_mut() {
@@ -205,7 +217,7 @@ pub(super) fn wrap(content: &str, size: f64, width: f64) -> Vec<String> {
 }
 
 /// A number for a hover text: five significant digits.
-pub(super) fn readable(value: f64) -> String {
+pub(in crate::report::plot) fn readable(value: f64) -> String {
     if !value.is_finite() {
         return "not finite".to_string();
     }
@@ -224,7 +236,12 @@ pub(super) fn readable(value: f64) -> String {
     typographic(&digits)
 }
 
-pub(super) fn curve_path(d: &str, color: usize, dash: usize, width: f64) -> String {
+pub(in crate::report::plot) fn curve_path(
+    d: &str,
+    color: usize,
+    dash: usize,
+    width: f64,
+) -> String {
     let pattern = match DASHES[dash % STYLE_COUNT] {
         "" => String::new(),
         dashes => format!(" stroke-dasharray=\"{dashes}\""),
@@ -239,7 +256,7 @@ pub(super) fn curve_path(d: &str, color: usize, dash: usize, width: f64) -> Stri
 
 /// A mark with an optional hover text. Even markers are filled, odd ones open;
 /// open ones cover the line they are on, but not other marks.
-pub(super) fn mark(
+pub(in crate::report::plot) fn mark(
     marker: usize,
     color: usize,
     [x, y]: [f64; 2],
@@ -287,8 +304,11 @@ pub(super) fn mark(
     };
     let title =
         if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
+    // Where a script finds the mark that it belongs to.
+    let at =
+        if hover.is_empty() { String::new() } else { format!(" data-at=\"{} {}\"", px(x), px(y)) };
     format!(
-        "<path d=\"{d}\" class=\"{class} cx-s-{color}\" fill=\"{inside}\" stroke=\"{ink}\" \
+        "<path d=\"{d}\"{at} class=\"{class} cx-s-{color}\" fill=\"{inside}\" stroke=\"{ink}\" \
          stroke-width=\"1.2\">{title}</path>"
     )
 }

@@ -4,7 +4,7 @@
 //! labels the margins; the second draws each panel in its final place.
 
 mod heatmap;
-mod ink;
+pub(super) mod ink;
 mod legend;
 mod panel;
 
@@ -302,7 +302,7 @@ pub(super) fn figure(figure: &Figure) -> String {
     let style =
         if figure.adaptive { format!("<style>{STYLESHEET}</style>\n") } else { String::new() };
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"cx-plot\" width=\"{w}\" height=\"{h}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"cx-plot{class}\" width=\"{w}\" height=\"{h}\" \
          viewBox=\"0 0 {w} {h}\" role=\"img\" aria-labelledby=\"{id}-title {id}-desc\" \
          font-family=\"{FONTS}\">\n<title id=\"{id}-title\">{title}</title>\n\
          <desc id=\"{id}-desc\">{description}</desc>\n{style}\
@@ -312,6 +312,7 @@ pub(super) fn figure(figure: &Figure) -> String {
         title = escape(&figure.title),
         description = escape(&description),
         background = fill("bg"),
+        class = figure.class.as_ref().map_or_else(String::new, |name| format!(" {}", escape(name))),
     )
 }
 

@@ -68,7 +68,7 @@ impl Artist<'_> {
             // What a script needs to turn a place in the frame into values.
             format!(
                 "<g data-frame=\"{} {} {} {}\" data-x=\"{:e} {:e} {}\" data-y=\"{:e} {:e} {}\" \
-                 data-x-unit=\"{}\" data-y-unit=\"{}\">",
+                 data-x-unit=\"{}\" data-y-unit=\"{}\" data-x-name=\"{}\" data-y-name=\"{}\">",
                 px(frame.x),
                 px(frame.y),
                 px(frame.width),
@@ -79,8 +79,10 @@ impl Artist<'_> {
                 y.0,
                 y.1,
                 kind(to_y.log),
-                escape(&self.panel.x.unit),
-                escape(&self.panel.y.unit),
+                escape(&plain(&self.panel.x.unit)),
+                escape(&plain(&self.panel.y.unit)),
+                escape(&plain(&self.panel.x.label)),
+                escape(&plain(&self.panel.y.label)),
             )
         };
         self.put(&head);
@@ -249,8 +251,9 @@ impl Artist<'_> {
             }
             let path = curve_path(&d, series.color, series.dash, series.width);
             self.put(&format!(
-                "<g opacity=\"{}\"><title>{}</title>{path}</g>",
+                "<g opacity=\"{}\" data-label=\"{}\"><title>{}</title>{path}</g>",
                 series.opacity,
+                escape(&plain(series.spoken())),
                 escape(&self.summary(series))
             ));
         }
@@ -269,7 +272,7 @@ impl Artist<'_> {
         let gaps = series.points.len() - shown.len();
         let mut out = format!(
             "{}: {} points, {} to {} {}",
-            plain(&series.label),
+            plain(series.spoken()),
             shown.len(),
             readable(low),
             readable(high),
@@ -295,7 +298,7 @@ impl Artist<'_> {
                 let hover = if few {
                     format!(
                         "{}: {} {}, {} {}",
-                        plain(&series.label),
+                        plain(series.spoken()),
                         readable(p[0]),
                         panel.x.unit,
                         readable(p[1]),

@@ -1,0 +1,235 @@
+//! A manoeuvre in flight: simulator, law and commands together.
+
+use super::maneuver::{Held, Maneuver, Mode};
+use super::simulator::{Departure, Options, SimulationError, Simulator};
+use crate::control::law::{Controller, Demand, LawTable, References};
+use crate::trim::ConvergedTrim;
+use crate::vehicle::{Layout, Vehicle};
+
+/// How a flight ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Status {
+    /// It was flown to its end.
+    Completed,
+    /// A limit of the manoeuvre was passed.
+    Limit(Departure),
+    /// A state left the region in which the model means anything.
+    Diverged(Departure),
+}
+
+impl Status {
+    /// One word for tables and files.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Limit(_) => "limit",
+            Self::Diverged(_) => "diverged",
+        }
+    }
+
+    /// What was passed, if anything.
+    #[must_use]
+    pub fn departure(&self) -> Option<&Departure> {
+        match self {
+            Self::Completed => None,
+            Self::Limit(departure) | Self::Diverged(departure) => Some(departure),
+        }
+    }
+}
+
+/// Why a flight cannot begin.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FlightError {
+    /// The simulator's options make no sense.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// A law is needed.
+    #[error("the manoeuvre needs a control law: give a schedule, or mode = \"open_loop\"")]
+    NoLaw,
+}
+
+/// A law and the sticks that it may use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Autopilot {
+    /// The law over speed.
+    pub table: LawTable,
+    /// Limits of lat, lon, col, ped, %.
+    pub stick_limits: [[f64; 2]; 4],
+}
+
+/// A manoeuvre in flight.
+///
+/// Each control period has two halves: [`Flight::decide`] measures and gives
+/// the sticks, [`Flight::advance`] flies until the next. Between them
+/// everything belongs to one instant and may be recorded.
+#[derive(Debug, Clone)]
+pub struct Flight<'a> {
+    /// The vehicle and its equipment.
+    pub simulator: Simulator<'a>,
+    maneuver: &'a Maneuver,
+    controller: Option<Controller>,
+    stick_limits: [[f64; 2]; 4],
+    trim_sticks: [f64; 4],
+    held: Held,
+    demand: Option<Demand>,
+    sticks: [f64; 4],
+}
+
+impl<'a> Flight<'a> {
+    /// A manoeuvre from a trim. The options' weather, noise, height and heading
+    /// are those of the manoeuvre.
+    ///
+    /// # Errors
+    /// Options that make no sense, or a law that is missing.
+    pub fn new(
+        vehicle: &'a Vehicle,
+        start: &ConvergedTrim,
+        law: Option<&Autopilot>,
+        maneuver: &'a Maneuver,
+        options: &Options,
+    ) -> Result<Self, FlightError> {
+        let options = Options {
+            noise: maneuver.noise,
+            weather: maneuver.weather.clone(),
+            height: maneuver.start.height,
+            heading: maneuver.start.heading,
+            ..options.clone()
+        };
+        let simulator = Simulator::new(vehicle, start, &options)?;
+        let trim = start.point();
+        let mut mean = trim.mean_state.clone();
+        let body = Layout::BODY;
+        let settled = simulator.settled();
+        mean[body.velocity..body.velocity + 3].copy_from_slice(&settled.velocity_body);
+        let [_, forward, right, down] = vehicle.navigation(&mean);
+        let held = Held {
+            velocity: [forward, right, down],
+            attitude: [mean[body.roll], mean[body.pitch]],
+            turn_rate: trim.condition.turn_rate,
+        };
+        let mut controller = None;
+        let mut stick_limits = vehicle.controls.stick_limits;
+        if maneuver.mode != Mode::OpenLoop {
+            let law = law.ok_or(FlightError::NoLaw)?;
+            stick_limits = law.stick_limits;
+            let mut c = Controller::new(law.table.clone(), simulator.period(), stick_limits);
+            if let Some(demand) = maneuver.demand(0.0, &held) {
+                c.engage(&settled, &demand, trim.sticks);
+            }
+            controller = Some(c);
+        }
+        Ok(Self {
+            simulator,
+            maneuver,
+            controller,
+            stick_limits,
+            trim_sticks: trim.sticks,
+            held,
+            demand: None,
+            sticks: trim.sticks,
+        })
+    }
+
+    /// Measures, and gives the sticks of this period.
+    pub fn decide(&mut self) {
+        let time = self.simulator.time();
+        let measurement = self.simulator.measure();
+        self.demand = self.maneuver.demand(time, &self.held);
+        let base = match (&mut self.controller, &self.demand) {
+            (Some(controller), Some(demand)) => controller.step(&measurement, demand),
+            _ => self.trim_sticks,
+        };
+        let inputs = self.maneuver.inputs(time);
+        for (k, stick) in self.sticks.iter_mut().enumerate() {
+            let [low, high] = self.stick_limits[k];
+            *stick = (base[k] + inputs[k]).clamp(low, high);
+        }
+    }
+
+    /// Flies on to the next period.
+    ///
+    /// # Errors
+    /// How the flight ended, if it ended before its time.
+    pub fn advance(&mut self) -> Result<(), Status> {
+        self.simulator.advance(self.sticks).map_err(Status::Diverged)?;
+        self.limits().map_or(Ok(()), |departure| Err(Status::Limit(departure)))
+    }
+
+    fn limits(&self) -> Option<Departure> {
+        let limits = &self.maneuver.limits;
+        let (body, state) = (Layout::BODY, self.simulator.state());
+        let above = |name: &str, value: f64, bound: Option<f64>| {
+            let bound = bound?;
+            (value.abs() > bound).then(|| Departure {
+                state: name.into(),
+                time: self.simulator.time(),
+                value,
+                bound,
+            })
+        };
+        let height = -self.simulator.position()[2];
+        let low = limits.height.filter(|bound| height < *bound).map(|bound| Departure {
+            state: "height".into(),
+            time: self.simulator.time(),
+            value: height,
+            bound,
+        });
+        above("airspeed", self.simulator.airspeed(), limits.airspeed)
+            .or_else(|| above("phi", state[body.roll], limits.roll))
+            .or_else(|| above("theta", state[body.pitch], limits.pitch))
+            .or(low)
+    }
+
+    /// Flies the manoeuvre to its end. `observe` sees every period after its
+    /// decision, the last instant included.
+    pub fn fly(&mut self, mut observe: impl FnMut(&mut Self)) -> Status {
+        let periods = (self.maneuver.duration / self.simulator.period()).round() as u64;
+        for _ in 0..periods {
+            self.decide();
+            observe(self);
+            if let Err(status) = self.advance() {
+                return status;
+            }
+        }
+        self.decide();
+        observe(self);
+        Status::Completed
+    }
+
+    /// The manoeuvre.
+    #[must_use]
+    pub fn maneuver(&self) -> &Maneuver {
+        self.maneuver
+    }
+
+    /// Whether a law flies.
+    #[must_use]
+    pub fn closed_loop(&self) -> bool {
+        self.controller.is_some()
+    }
+
+    /// What was asked of the law at the last decision.
+    #[must_use]
+    pub fn demand(&self) -> Option<Demand> {
+        self.demand
+    }
+
+    /// What the law steered to at the last decision.
+    #[must_use]
+    pub fn references(&self) -> Option<References> {
+        self.controller.as_ref().map(Controller::references)
+    }
+
+    /// Sticks lat, lon, col, ped of the last decision, %.
+    #[must_use]
+    pub fn sticks(&self) -> [f64; 4] {
+        self.sticks
+    }
+
+    /// What is held where nothing is commanded.
+    #[must_use]
+    pub fn held(&self) -> &Held {
+        &self.held
+    }
+}

@@ -1,0 +1,24 @@
+//! Time-domain flight of the full nonlinear vehicle, with and without the
+//! control law.
+//!
+//! * [`equipment`]: sensors, noise, delay, actuators.
+//! * [`wind`]: steady wind, Dryden turbulence, discrete gusts.
+//! * [`simulator`]: the stepper, one control period at a time.
+//! * [`maneuver`]: manoeuvre files.
+//! * [`flight`]: simulator, law and manoeuvre together.
+//! * [`record`]: what a flight leaves behind, row by row.
+//! * [`metrics`]: what a flight amounts to.
+
+pub mod equipment;
+pub mod flight;
+pub mod maneuver;
+pub mod metrics;
+pub mod record;
+pub mod simulator;
+pub mod wind;
+
+pub use flight::{Flight, Status};
+pub use maneuver::Maneuver;
+pub use metrics::Metrics;
+pub use record::Recorder;
+pub use simulator::{Departure, Options, SimulationError, Simulator};

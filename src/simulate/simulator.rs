@@ -1,0 +1,522 @@
+//! The stepper: the full nonlinear vehicle with its equipment, one period of
+//! the control computer at a time.
+//!
+//! ```text
+//! loop {
+//!     let measurement = simulator.measure();
+//!     let sticks = controller.step(&measurement, &demand);
+//!     simulator.advance(sticks)?;
+//! }
+//! ```
+//!
+//! Every state of the vehicle is integrated, azimuth-resolved, with steps of
+//! fixed length: a whole number of them makes a control period, so that the
+//! control computer samples without jitter. A step allocates nothing.
+
+use super::equipment::{Actuators, Delay, MEASURED, Noise, SensorFilter, SensorNoise};
+use super::wind::{Air, Weather};
+use crate::control::law::Measurement;
+use crate::control::plant::Hardware;
+use crate::numerics::integration::{Integrator, RUNGE_KUTTA_4};
+use crate::trim::ConvergedTrim;
+use crate::vehicle::{Layout, Vehicle, Workspace};
+use std::f64::consts::TAU;
+
+/// How to simulate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Rate of the control computer, Hz.
+    pub control_rate: f64,
+    /// Fewest integration steps in a revolution of the reference rotor; the
+    /// step is the longest that makes a whole number in a control period.
+    pub steps_per_revolution: usize,
+    /// Sensors, delay, actuators. The delay is from a sample to the middle of
+    /// the period for which its command holds, as a continuous-time analysis
+    /// sees it: half a period of it is the hold itself.
+    pub hardware: Hardware,
+    /// Delay on top, s.
+    pub extra_delay: f64,
+    /// Largest rate of blade pitch, rad/s.
+    pub pitch_rate_limit: f64,
+    /// Noise of the sensors.
+    pub noise: SensorNoise,
+    /// Moving air.
+    pub weather: Weather,
+    /// Seed of noise and turbulence.
+    pub seed: u64,
+    /// Height above the ground at the start, m.
+    pub height: f64,
+    /// Heading at the start, rad.
+    pub heading: f64,
+}
+
+impl Options {
+    /// 100 Hz, 36 steps a revolution, no noise and still air.
+    #[must_use]
+    pub fn new(hardware: Hardware, pitch_rate_limit: f64) -> Self {
+        Self {
+            control_rate: 100.0,
+            steps_per_revolution: 36,
+            hardware,
+            extra_delay: 0.0,
+            pitch_rate_limit,
+            noise: SensorNoise::default(),
+            weather: Weather::default(),
+            seed: 0,
+            height: 100.0,
+            heading: 0.0,
+        }
+    }
+}
+
+/// Why a simulation cannot begin.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// A number that makes no sense.
+    #[error("{what} is {value}; it must be {must}")]
+    Option {
+        /// Which option.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// The control computer is slower than the transport delay allows for.
+    #[error(
+        "the transport delay of {delay} s is shorter than half a control period of {half_period} \
+         s, which holding a command takes alone: give a higher control rate"
+    )]
+    Hold {
+        /// Delay asked for, s.
+        delay: f64,
+        /// Half a control period, s.
+        half_period: f64,
+    },
+}
+
+/// A state that left the region in which the model means anything.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Departure {
+    /// Name of the state.
+    pub state: String,
+    /// When, s.
+    pub time: f64,
+    /// Its last finite value, SI.
+    pub value: f64,
+    /// The bound, SI; infinite where the value was not finite.
+    pub bound: f64,
+}
+
+/// Attitude near which Euler angles end, rad.
+const ATTITUDE_BOUND: f64 = 80.0 * std::f64::consts::PI / 180.0;
+/// Body rates far beyond those of flight, rad/s.
+const RATE_BOUND: f64 = 6.0;
+/// Velocities at which no helicopter flies, m/s.
+const VELOCITY_BOUND: f64 = 150.0;
+/// Flapping beyond any stop, rad.
+const FLAPPING_BOUND: f64 = 0.6;
+/// Inflow ratio beyond any, 1.
+const INFLOW_BOUND: f64 = 1.0;
+/// Rotor speed off nominal, as a fraction of it.
+const SPEED_BOUND: f64 = 0.5;
+
+/// Heading, then position north, east and down, behind the vehicle's states.
+const NAVIGATION: usize = 4;
+
+/// A vehicle in flight.
+#[derive(Debug, Clone)]
+pub struct Simulator<'a> {
+    vehicle: &'a Vehicle,
+    options: Options,
+    /// Control periods flown.
+    periods: u64,
+    /// Integration steps in a control period.
+    substeps: usize,
+    /// Length of an integration step, s.
+    step: f64,
+    /// States of the vehicle, then heading, north, east, down.
+    state: Vec<f64>,
+    bounds: Vec<[f64; 2]>,
+    integrator: Integrator<f64>,
+    work: Workspace<f64>,
+    rates: Vec<f64>,
+    /// Commanded blade controls.
+    command: Vec<f64>,
+    /// Blade controls at the start, the middle and the end of a step.
+    effectors: [Vec<f64>; 3],
+    actuators: Actuators,
+    delay: Delay,
+    filter: SensorFilter,
+    noise: Noise,
+    air: Air,
+    departure: Option<Departure>,
+}
+
+impl<'a> Simulator<'a> {
+    /// A vehicle on the orbit of a trim, actuators and filters settled. In
+    /// wind it starts with the trim's velocity through the air.
+    ///
+    /// # Errors
+    /// Options that make no sense.
+    pub fn new(
+        vehicle: &'a Vehicle,
+        start: &ConvergedTrim,
+        options: &Options,
+    ) -> Result<Self, SimulationError> {
+        check(options)?;
+        let trim = start.point();
+        let period = 1.0 / options.control_rate;
+        let turns = period * vehicle.reference_speed / TAU;
+        let substeps = (turns * options.steps_per_revolution as f64).ceil().max(1.0) as usize;
+        let step = period / substeps as f64;
+        let n = vehicle.state_count();
+        let mut state = trim.state.clone();
+        state.extend([options.heading, 0.0, 0.0, -options.height]);
+        let air = Air::new(options.weather.clone(), options.seed, options.heading);
+        let body = Layout::BODY;
+        let mean = &trim.mean_state;
+        let wind = to_body(air.velocity(), options.heading, state[body.roll], state[body.pitch]);
+        let wind_mean = to_body(air.velocity(), options.heading, mean[body.roll], mean[body.pitch]);
+        let mut measured = [0.0; MEASURED];
+        measured[..body.count].copy_from_slice(&mean[..body.count]);
+        measured[MEASURED - 1] = norm(&mean[..3]);
+        for k in 0..3 {
+            state[body.velocity + k] += wind[k];
+            measured[k] += wind_mean[k];
+        }
+        let mut effectors = vec![0.0; vehicle.effector_count()];
+        vehicle.mix(&trim.sticks, &mut effectors);
+        let pure = options.hardware.delay + options.extra_delay - 0.5 * period;
+        let tick = 0.5 * step;
+        let hardware = &options.hardware;
+        Ok(Self {
+            vehicle,
+            options: options.clone(),
+            periods: 0,
+            substeps,
+            step,
+            bounds: bounds(vehicle),
+            integrator: Integrator::new(RUNGE_KUTTA_4, n + NAVIGATION),
+            work: vehicle.workspace(),
+            rates: vec![0.0; n],
+            command: effectors.clone(),
+            actuators: Actuators::new(
+                vehicle,
+                hardware,
+                options.pitch_rate_limit,
+                tick,
+                &effectors,
+            ),
+            effectors: [effectors.clone(), effectors.clone(), effectors],
+            delay: Delay::new(pure, tick, 2 * substeps, trim.sticks),
+            filter: SensorFilter::new(hardware.sensor_bandwidth, step, measured),
+            noise: Noise::new(options.seed, 0),
+            air,
+            departure: None,
+            state,
+        })
+    }
+
+    /// The vehicle.
+    #[must_use]
+    pub fn vehicle(&self) -> &Vehicle {
+        self.vehicle
+    }
+
+    /// How it simulates.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Time since the start, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.periods as f64 / self.options.control_rate
+    }
+
+    /// Control period, s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        1.0 / self.options.control_rate
+    }
+
+    /// Length of an integration step, s.
+    #[must_use]
+    pub fn integration_step(&self) -> f64 {
+        self.step
+    }
+
+    /// Transport delay as it is simulated, s: in whole half steps of the
+    /// integration, the half period of the hold included.
+    #[must_use]
+    pub fn delay(&self) -> f64 {
+        0.5 * self.step * self.delay.lag() as f64 + 0.5 * self.period()
+    }
+
+    /// States of the vehicle, in the order of its layout.
+    #[must_use]
+    pub fn state(&self) -> &[f64] {
+        &self.state[..self.vehicle.state_count()]
+    }
+
+    /// Heading, rad, not wrapped.
+    #[must_use]
+    pub fn heading(&self) -> f64 {
+        self.state[self.vehicle.state_count()]
+    }
+
+    /// Position north, east and down of the start's point on the ground, m.
+    #[must_use]
+    pub fn position(&self) -> [f64; 3] {
+        let n = self.vehicle.state_count();
+        [self.state[n + 1], self.state[n + 2], self.state[n + 3]]
+    }
+
+    /// Heading rate (rad/s) and ground velocity in heading axes, forward, to
+    /// starboard and down (m/s).
+    #[must_use]
+    pub fn navigation(&self) -> [f64; 4] {
+        self.vehicle.navigation(self.state())
+    }
+
+    /// True airspeed, m/s.
+    #[must_use]
+    pub fn airspeed(&self) -> f64 {
+        let wind = self.wind_body();
+        norm(&[0, 1, 2].map(|k| self.state[Layout::BODY.velocity + k] - wind[k]))
+    }
+
+    /// Velocity of the air, north, east, down, m/s.
+    #[must_use]
+    pub fn wind(&self) -> [f64; 3] {
+        self.air.velocity()
+    }
+
+    fn wind_body(&self) -> [f64; 3] {
+        let body = Layout::BODY;
+        to_body(self.air.velocity(), self.heading(), self.state[body.roll], self.state[body.pitch])
+    }
+
+    /// Blade controls as they are.
+    #[must_use]
+    pub fn effectors(&self) -> &[f64] {
+        &self.effectors[2]
+    }
+
+    /// Actuators.
+    #[must_use]
+    pub fn actuators(&self) -> &Actuators {
+        &self.actuators
+    }
+
+    /// Shaft power of each rotor, W, written into `powers`.
+    pub fn powers(&mut self, powers: &mut [f64]) {
+        let n = self.vehicle.state_count();
+        let wind = self.wind_body();
+        let azimuth = self.time() * self.vehicle.reference_speed;
+        let state = &self.state[..n];
+        let vehicle = self.vehicle;
+        vehicle.rates(azimuth, state, &self.effectors[2], wind, &mut self.work, &mut self.rates);
+        let output = vehicle.output(state, &self.effectors[2], wind, &self.work);
+        for (power, rotor) in powers.iter_mut().zip(&output.rotors) {
+            *power = rotor.power;
+        }
+    }
+
+    /// Where the flight left the region in which the model means anything.
+    #[must_use]
+    pub fn departure(&self) -> Option<&Departure> {
+        self.departure.as_ref()
+    }
+
+    /// What the sensors say now: filtered, with noise. To be asked for once a
+    /// period.
+    pub fn measure(&mut self) -> Measurement {
+        let [u, v, w, p, q, r, roll, pitch, airspeed] = *self.filter.value();
+        let SensorNoise { velocity, rate, attitude, airspeed: speed } = self.options.noise;
+        let mut noisy = |value: f64, deviation: f64| {
+            // Draws always, so that one channel's noise does not shift another's.
+            value + deviation * self.noise.next()
+        };
+        Measurement {
+            velocity_body: [u, v, w].map(|x| noisy(x, velocity)),
+            rates: [p, q, r].map(|x| noisy(x, rate)),
+            roll: noisy(roll, attitude),
+            pitch: noisy(pitch, attitude),
+            airspeed: noisy(airspeed, speed).max(0.0),
+        }
+    }
+
+    /// What the filters hold, without noise: at the start, the mean over the
+    /// trim's orbit.
+    #[must_use]
+    pub fn settled(&self) -> Measurement {
+        let [u, v, w, p, q, r, roll, pitch, airspeed] = *self.filter.value();
+        Measurement { velocity_body: [u, v, w], rates: [p, q, r], roll, pitch, airspeed }
+    }
+
+    /// Flies one control period with new stick positions, %.
+    ///
+    /// # Errors
+    /// The state that left its bounds; the simulator then stays where it is.
+    pub fn advance(&mut self, sticks: [f64; 4]) -> Result<(), Departure> {
+        if let Some(departure) = &self.departure {
+            return Err(departure.clone());
+        }
+        self.delay.push(sticks);
+        for substep in 0..self.substeps {
+            self.substep(substep);
+            if let Some(departure) = self.outside(substep) {
+                self.departure = Some(departure.clone());
+                return Err(departure);
+            }
+        }
+        self.periods += 1;
+        Ok(())
+    }
+
+    fn substep(&mut self, substep: usize) {
+        let vehicle = self.vehicle;
+        let n = vehicle.state_count();
+        let body = Layout::BODY;
+        let wind_earth = self.air.velocity();
+        self.effectors.rotate_right(1);
+        let [_, middle, end] = &mut self.effectors;
+        for (half, positions) in [middle, end].into_iter().enumerate() {
+            vehicle.mix(&self.delay.at(2 * substep + half), &mut self.command);
+            self.actuators.advance(&self.command);
+            // Commanded rotor speeds have no actuator.
+            positions.copy_from_slice(&self.command);
+            self.actuators.write(positions);
+        }
+        let [start, middle, end] = &self.effectors;
+        let controls: [&[f64]; 4] = [start, middle, middle, end];
+        let time = (self.periods * self.substeps as u64 + substep as u64) as f64 * self.step;
+        let (work, mut stage) = (&mut self.work, 0);
+        self.integrator.step(time, self.step, &mut self.state, |time, x, rates| {
+            let (x, navigation) = x.split_at(n);
+            let (rates, position_rates) = rates.split_at_mut(n);
+            let wind = to_body(wind_earth, navigation[0], x[body.roll], x[body.pitch]);
+            let azimuth = time * vehicle.reference_speed;
+            vehicle.rates(azimuth, x, controls[stage], wind, work, rates);
+            stage += 1;
+            let [heading_rate, forward, right, down] = vehicle.navigation(x);
+            let (s, c) = navigation[0].sin_cos();
+            position_rates.copy_from_slice(&[
+                heading_rate,
+                forward * c - right * s,
+                forward * s + right * c,
+                down,
+            ]);
+        });
+        let airspeed = self.airspeed();
+        let height = -self.position()[2];
+        self.air.advance(time, self.step, airspeed, height, self.heading());
+        let mut measured = [0.0; MEASURED];
+        measured[..body.count].copy_from_slice(&self.state[..body.count]);
+        measured[MEASURED - 1] = airspeed;
+        self.filter.advance(measured);
+    }
+
+    /// The first state that is out of bounds.
+    fn outside(&self, substep: usize) -> Option<Departure> {
+        let place = self
+            .state
+            .iter()
+            .zip(&self.bounds)
+            .position(|(x, [low, high])| !(low..=high).contains(&x))?;
+        let names = &self.vehicle.layout.states;
+        let state = names.get(place).map_or("position", |s| s.name.as_str()).to_owned();
+        let [low, high] = self.bounds[place];
+        let value = self.state[place];
+        let (value, bound) = if value.is_finite() {
+            (value, if value < low { low } else { high })
+        } else {
+            (0.0, f64::INFINITY)
+        };
+        let time = self.time() + (substep + 1) as f64 * self.step;
+        Some(Departure { state, time, value, bound })
+    }
+}
+
+fn check(options: &Options) -> Result<(), SimulationError> {
+    let positive = "a positive number";
+    let h = &options.hardware;
+    for (what, value) in [
+        ("the control rate", options.control_rate),
+        ("the actuators' bandwidth", h.actuator_bandwidth),
+        ("the actuators' damping ratio", h.actuator_damping),
+        ("the sensors' bandwidth", h.sensor_bandwidth),
+        ("the rate limit of blade pitch", options.pitch_rate_limit),
+        ("the number of steps a revolution", options.steps_per_revolution as f64),
+    ] {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(SimulationError::Option { what, value, must: positive });
+        }
+    }
+    for (what, value) in [
+        ("the delay", h.delay),
+        ("the extra delay", options.extra_delay),
+        ("the noise of velocity", options.noise.velocity),
+        ("the noise of rates", options.noise.rate),
+        ("the noise of attitudes", options.noise.attitude),
+        ("the noise of airspeed", options.noise.airspeed),
+        ("the height", options.height),
+    ] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(SimulationError::Option { what, value, must: "zero or positive" });
+        }
+    }
+    let half_period = 0.5 / options.control_rate;
+    let delay = h.delay + options.extra_delay;
+    if delay < half_period * (1.0 - 1e-9) {
+        return Err(SimulationError::Hold { delay, half_period });
+    }
+    Ok(())
+}
+
+/// Bounds of every state, and none on heading and position but that they are
+/// numbers.
+fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
+    let body = Layout::BODY;
+    let n = vehicle.state_count();
+    let within = |bound: f64| [-bound, bound];
+    let mut bounds = vec![within(INFLOW_BOUND); n];
+    for k in 0..3 {
+        bounds[body.velocity + k] = within(VELOCITY_BOUND);
+        bounds[body.rate + k] = within(RATE_BOUND);
+    }
+    bounds[body.roll] = within(ATTITUDE_BOUND);
+    bounds[body.pitch] = within(ATTITUDE_BOUND);
+    for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
+        if let Some(start) = places.flapping {
+            bounds[start] = within(FLAPPING_BOUND);
+            bounds[start + 1] = within(FLAPPING_BOUND);
+        }
+        if let Some(start) = places.speed {
+            bounds[start] = [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)];
+            bounds[start + 1] = within(f64::MAX);
+        }
+    }
+    bounds.extend([within(f64::MAX); NAVIGATION]);
+    bounds
+}
+
+/// A velocity from earth axes to body axes.
+fn to_body([north, east, down]: [f64; 3], heading: f64, roll: f64, pitch: f64) -> [f64; 3] {
+    if north == 0.0 && east == 0.0 && down == 0.0 {
+        return [0.0; 3];
+    }
+    let (sh, ch) = heading.sin_cos();
+    let (sr, cr) = roll.sin_cos();
+    let (sp, cp) = pitch.sin_cos();
+    let (forward, right) = (north * ch + east * sh, east * ch - north * sh);
+    let lifted = forward * sp + down * cp;
+    [forward * cp - down * sp, right * cr + lifted * sr, lifted * cr - right * sr]
+}
+
+fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,187 @@
+//! `tune-gains` and `verify`, as people and scripts meet them. The aircraft is
+//! flown at speeds at which it needs no pilot, so that one axis at a time can
+//! be tuned.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use coaxdesign::schedule::Schedule;
+use serde_json::Value;
+
+fn program(directory: &Path, arguments: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+        .current_dir(directory)
+        .args(arguments.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+fn out(output: &Output) -> &str {
+    std::str::from_utf8(&output.stdout).unwrap()
+}
+
+fn err(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A specification at these speeds with these tables behind the margins.
+fn specification(directory: &Path, speeds: &str, rest: &str) {
+    let text = format!(
+        "[schedule]\nspeeds = [{speeds}]\n[margins.nominal]\ngain_margin_db = 6.0\n\
+         phase_margin = \"45 deg\"\n{rest}"
+    );
+    std::fs::write(directory.join("spec.toml"), text).unwrap();
+}
+
+const ROLL: &str =
+    "[axis.roll]\ndrb = \"0.6 rad/s\"\ndrp_db = 5.0\ncrossover_min = \"1.5 rad/s\"\n";
+
+/// Two speeds, given in the wrong order, one axis: files, tables, exit codes,
+/// and what is said of files that exist.
+#[test]
+fn an_axis_is_tuned_written_and_verified() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    specification(d, "\"64 kt\", \"60 kt\"", ROLL);
+    let tune = program(d, "tune-gains --spec spec.toml -o made --explain");
+    assert_eq!(code(&tune), 0, "{}{}", out(&tune), err(&tune));
+    let text = out(&tune);
+    for expected in [
+        "Lag law",
+        "roll K_D",
+        "3 of 3 nominal rows met",
+        "Authority",
+        "Prices of the targets",
+        "binding",
+    ] {
+        assert!(text.contains(expected), "no '{expected}' in\n{text}");
+    }
+    assert!(err(&tune).contains("programs solved"), "{}", err(&tune));
+
+    let schedule =
+        Schedule::from_json(&std::fs::read_to_string(d.join("made/schedule.json")).unwrap())
+            .unwrap();
+    assert!(schedule.requirements_met);
+    let speeds: Vec<f64> = schedule.points.iter().map(|p| p.speed).collect();
+    assert!(speeds.len() == 2 && speeds[0] < speeds[1], "{speeds:?}");
+    assert_eq!(schedule.points[0].gains.keys().collect::<Vec<_>>(), ["roll"]);
+
+    let file = std::fs::read_to_string(d.join("made/verification.json")).unwrap();
+    let value: Value = serde_json::from_str(&file).unwrap();
+    assert_eq!(value["schema"], "coaxdesign.verification/1");
+    assert_eq!(value["passed"], true);
+    let row = &value["rows"][0];
+    for key in [
+        "drb_rad_s",
+        "drp_db",
+        "crossover_rad_s",
+        "gm_up_db",
+        "pm_deg",
+        "disk_margin",
+        "design_margin_percent",
+    ] {
+        assert!(row[key].is_number(), "{key}: {row}");
+    }
+    assert!(row["binding"].is_string());
+    assert!(row["pm_deg"].as_f64().unwrap() >= 45.0);
+    assert!(value["prices"].as_array().unwrap().iter().any(|p| p["axis"] == "roll"));
+
+    // An existing design is left alone unless told otherwise.
+    let again = program(d, "tune-gains --spec spec.toml -o made --quiet");
+    assert_ne!(code(&again), 0);
+    assert!(err(&again).contains("schedule.json"), "{}", err(&again));
+    assert_eq!(std::fs::read_to_string(d.join("made/verification.json")).unwrap(), file);
+
+    // The same check on the schedule as a file, with the same answer.
+    let check = program(d, "verify made --spec spec.toml --format json --quiet");
+    assert_eq!(code(&check), 0, "{}", err(&check));
+    let checked: Value = serde_json::from_str(out(&check)).unwrap();
+    assert_eq!(checked["rows"], value["rows"]);
+    assert_eq!(checked["stability"], value["stability"]);
+    // Harder than what it was tuned to: the goal is missed, the input is not bad.
+    specification(d, "\"60 kt\"", &ROLL.replace("0.6", "2.5"));
+    let hard = program(d, "verify made --spec spec.toml --quiet");
+    assert_eq!(code(&hard), 1, "{}", err(&hard));
+    assert!(out(&hard).contains("MISSED") && out(&hard).contains("drb_rad_s"), "{}", out(&hard));
+}
+
+/// A bandwidth beyond the hardware: a design all the same, marked, with what
+/// could be had.
+#[test]
+fn unattainable_targets_are_explained() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    specification(d, "\"60 kt\"", &ROLL.replace("0.6", "3.0"));
+    let tune = program(d, "tune-gains --spec spec.toml -o made --quiet");
+    assert_eq!(code(&tune), 1, "{}", err(&tune));
+    assert!(tune.stderr.is_empty(), "{}", err(&tune));
+    let text = out(&tune);
+    assert!(text.contains("the targets cannot all be met"), "{text}");
+    assert!(text.contains("least-violating design"), "{text}");
+    let schedule =
+        Schedule::from_json(&std::fs::read_to_string(d.join("made/schedule.json")).unwrap())
+            .unwrap();
+    assert!(!schedule.requirements_met);
+    let value: Value =
+        serde_json::from_str(&std::fs::read_to_string(d.join("made/verification.json")).unwrap())
+            .unwrap();
+    let targets = value["explanations"][0]["targets"].as_array().unwrap();
+    let drb = targets.iter().find(|t| t["target"] == "drb").unwrap();
+    assert_eq!(drb["asked"], 3.0);
+    // The lag law: about 0.110 over an equivalent delay near 0.12 s.
+    let best = drb["attainable"].as_f64().unwrap();
+    assert!((0.6..1.3).contains(&best), "{best}");
+}
+
+/// What is wrong with a specification is said before anything is computed.
+#[test]
+fn bad_specifications_are_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    let refused = |rest: &str, expected: &str| {
+        specification(d, "\"60 kt\"", rest);
+        let o = program(d, "tune-gains --spec spec.toml --quiet");
+        assert_eq!(code(&o), 2, "{}", err(&o));
+        assert!(o.stdout.is_empty());
+        assert!(err(&o).contains(expected), "no '{expected}' in\n{}", err(&o));
+    };
+    refused("[axis]\n", "nothing to tune");
+    refused("[axis.roll]\ndrb = \"0.6 ft\"\n", "rad/s");
+    refused("[axis.rol]\ndrb = \"0.6 rad/s\"\n", "roll");
+    refused(
+        "[axis.roll]\ncrossover_min = \"3 rad/s\"\ncrossover_max = \"2 rad/s\"\n",
+        "not below the largest",
+    );
+    let missing = program(d, "tune-gains --spec nowhere.toml --quiet");
+    assert_eq!(code(&missing), 3);
+    assert!(err(&missing).contains("problems/hq.toml"), "{}", err(&missing));
+    // No gains of an axis that is not in the specification.
+    specification(d, "\"60 kt\"", ROLL);
+    let other = program(d, "tune-gains --spec spec.toml --axis vx --quiet");
+    assert!(code(&other) == 0 || code(&other) == 2, "{}", err(&other));
+    std::fs::write(d.join("schedule.json"), "{}").unwrap();
+    let no_schedule = program(d, "verify schedule.json --spec spec.toml --quiet");
+    assert_eq!(code(&no_schedule), 2);
+    assert!(err(&no_schedule).contains("tune-gains -o"), "{}", err(&no_schedule));
+}
+
+/// Sensors and actuators far too slow for hover: no gains stabilise it, and
+/// the message says where and how fast it diverges.
+#[test]
+fn an_unstabilisable_model_is_named() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    let rest = format!(
+        "[hardware]\ndelay = \"1 s\"\nactuator_bandwidth = \"0.5 rad/s\"\n{ROLL}\
+         [axis.pitch]\n[axis.yaw]\n[axis.heave]\n"
+    );
+    specification(d, "\"0 kt\"", &rest);
+    let o = program(d, "tune-gains --spec spec.toml --quiet");
+    assert_eq!(code(&o), 2, "{}{}", out(&o), err(&o));
+    assert!(err(&o).contains("no start stabilises model 'nominal'"), "{}", err(&o));
+}
