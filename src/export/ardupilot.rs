@@ -3,7 +3,7 @@
 //! ArduPilot's helicopter runs cascades of its own, without model inversion.
 //! The parameters make its roll, pitch, yaw and velocity loops answer errors
 //! in their own axis as the law does at one speed: rates to attitude and PI
-//! controllers from K_D, K_P, K_I and the diagonal of B_d⁻¹, in ArduPilot's
+//! controllers from K_D, K_P, K_I and the diagonal of M, in ArduPilot's
 //! normalised output, 1 for 100 %. Couplings, the F terms, the command models
 //! and the trims are not in them; they are in the Lua tables, for a script.
 
@@ -49,7 +49,7 @@ fn parameters(input: &Input) -> Result<String, ExportError> {
     let mut remarks = Vec::new();
     for axis in Axis::ALL {
         let g = gains(axis.into());
-        let scale = p.inversion.decoupling[(axis.effector().index(), axis.index())] / FULL;
+        let scale = p.inversion.allocation[(axis.effector().index(), axis.index())] / FULL;
         if axis != Axis::Heave && scale < 0.0 {
             remarks.push(format!(
                 "{axis}: the stick acts the other way round; reverse its output in ArduPilot"

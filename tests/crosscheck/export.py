@@ -209,11 +209,11 @@ def prove_param(directory, vectors, schemas):
         ("RLL", "roll", "lat", "phi_ddot"),
         ("PIT", "pitch", "lon", "theta_ddot"),
     ]:
-        scale = abs(at[f"decoupling.{stick}.{nu}"]) / 100.0
+        scale = abs(at[f"allocation.{stick}.{nu}"]) / 100.0
         angle, k_p, k_i = (p[f"ATC_{k}"] for k in (f"ANG_{key}_P", f"RAT_{key}_P", f"RAT_{key}_I"))
         found += [k_p / scale, (angle * k_p + k_i) / scale, angle * k_i / scale]
         wanted += [at[f"gains.{axis}.{k}"] for k in ("k_d", "k_p", "k_i")]
-    scale = abs(at["decoupling.ped.r_dot"]) / 100.0
+    scale = abs(at["allocation.ped.r_dot"]) / 100.0
     found += [p["ATC_RAT_YAW_P"] / scale, p["ATC_RAT_YAW_I"] / scale]
     found += [p["PSC_VELZ_P"], p["PSC_VELZ_I"], p["PSC_VELXY_P"]]
     wanted += [at["gains.yaw.k_p"], at["gains.yaw.k_i"]]
@@ -228,6 +228,13 @@ def prove_param(directory, vectors, schemas):
 def prove_program(program, vectors, tolerance):
     found = table(run(program, "lookup", input=vectors.lookup_text))
     error = close("tables", found, vectors.values, tolerance)
+    # The law, switched on with given sticks, starts with them; not where it
+    # would be at a limit by itself.
+    off = table(run(program, "engage", input=vectors.steps_text))
+    quiet = np.abs(off).max(axis=1) < 1.0
+    if quiet.mean() < 0.8:
+        raise Wrong("engaging moves the sticks")
+    error = max(error, close("engage", off[quiet], 0.0 * off[quiet], 10 * tolerance, TRAVEL))
     found = table(run(program, "steps", input=vectors.steps_text))
     return max(error, close("sticks", found, vectors.sticks, tolerance, TRAVEL))
 

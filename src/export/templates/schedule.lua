@@ -5,7 +5,7 @@ Use in a script:
     local law = require("@P@_schedule")
     local v = law.at(20.0)                -- m/s, true airspeed
     local k_p = v.gains.roll.k_p          -- 1/s^2
-    local b = v.decoupling.lat.phi_ddot   -- % per rad/s^2
+    local b = v.allocation.lat.phi_ddot   -- % per rad/s^2
 
 ArduPilot's Lua computes in 32 bit: seven digits.
 ]]

@@ -47,6 +47,24 @@ int main(int argc, char **argv)
         const law_demand d = { x[10] > 0.5 ? LAW_VELOCITY : LAW_ATTITUDE,
             { (law_real)x[11], (law_real)x[12] }, (law_real)x[13], (law_real)x[14] };
         law_real sticks[4];
+        if (strcmp(argv[1], "engage") == 0) {
+            /* Switched on at what is flown, the law starts with these sticks. */
+            const law_real given[4] = { 5, -4, 45, 3 };
+            law_demand stay = d;
+            stay.mode = LAW_ATTITUDE;
+            stay.horizontal[0] = m.roll;
+            stay.horizontal[1] = m.pitch;
+            stay.heading_rate = 0;
+            stay.vertical_velocity = 0;
+            if (law_engage(&state, &m, &stay, given) != LAW_OK
+                || law_step(&state, &m, &stay, sticks) != LAW_OK) {
+                return 6;
+            }
+            for (unsigned int j = 0; j < 4; j++) {
+                printf("%.17g%s", (double)(sticks[j] - given[j]), j < 3 ? "," : "\n");
+            }
+            continue;
+        }
         if (law_step(&state, &m, &d, sticks) != LAW_OK) {
             return 4;
         }

@@ -51,6 +51,17 @@ fn main() {
             heading_rate: x[13],
             vertical_velocity: x[14],
         };
+        if mode == "engage" {
+            // Switched on at what is flown, the law starts with these sticks.
+            let given = [5.0, -4.0, 45.0, 3.0];
+            let horizontal = Horizontal::Attitude { roll: m.roll, pitch: m.pitch };
+            let stay = Demand { horizontal, heading_rate: 0.0, vertical_velocity: 0.0 };
+            law.engage::<Std>(&m, &stay, given).unwrap();
+            let sticks = law.step::<Std>(&m, &stay).unwrap();
+            let off: Vec<Real> = (0..4).map(|j| sticks[j] - given[j]).collect();
+            show(&off);
+            continue;
+        }
         show(&law.step::<Std>(&m, &demand).unwrap());
         let bad = Measurement { roll: Real::NAN, ..m };
         assert!(law.step::<Std>(&bad, &demand).is_err());
