@@ -481,6 +481,22 @@ fn law(w: &mut Writer) {
         reference_rate.push(rate);
         feed.push(acceleration);
     }
+    for (k, name) in velocities.iter().enumerate() {
+        // What the aircraft can do of a velocity: the attitude command model
+        // stands between.
+        let (omega, rate) = (frequencies[k], &last_rate[2 + k]);
+        let acceleration = minus(
+            product(&[v(omega * omega), minus(velocity_command[k].clone(), last[4 + k].clone())]),
+            product(&[v(2.0 * settings.attitude_damping * omega), rate.clone()]),
+        );
+        let moved = sum(&[rate.clone(), product(&[dt(), acceleration])]);
+        let now = w.set(
+            &format!("reference/{name}-rate"),
+            &pick(in_velocity.clone(), moved, rate.clone()),
+        );
+        let moved = sum(&[last[4 + k].clone(), product(&[dt(), now])]);
+        w.set(&format!("reference/{name}"), &pick(in_velocity.clone(), moved, last[4 + k].clone()));
+    }
     let lags =
         [(yaw_command, settings.yaw_time_constant), (heave_command, settings.heave_time_constant)];
     for (k, (command, lag)) in (2..).zip(lags) {
