@@ -388,19 +388,24 @@ JSBSIM_INPUTS = [
 def prove_jsbsim(directory, vectors, schemas):
     import jsbsim
 
+    try:
+        return fly_jsbsim(jsbsim, directory, vectors)
+    except jsbsim.BaseError as error:
+        raise Wrong(f"JSBSim: {error}") from error
+
+
+def fly_jsbsim(jsbsim, directory, vectors):
     place = directory / "aircraft/bench"
     (place / "Systems").mkdir(parents=True, exist_ok=True)
     (place / "bench.xml").write_text(AIRCRAFT)
     shutil.copy(directory / "law_law.xml", place / "Systems")
-    try:
-        jsbsim.FGJSBBase().debug_lvl = 0
-        fdm = jsbsim.FGFDMExec(str(directory), None)
-        fdm.set_debug_level(0)
-        fdm.set_dt(STEP)
-        if not fdm.load_model("bench"):
-            raise Wrong("JSBSim does not load it")
-    except jsbsim.BaseError as error:
-        raise Wrong(f"JSBSim: {error}") from error
+    # No output but errors.
+    jsbsim.FGJSBBase().debug_lvl = 0
+    fdm = jsbsim.FGFDMExec(str(directory), None)
+    fdm.set_debug_level(0)
+    fdm.set_dt(STEP)
+    if not fdm.load_model("bench"):
+        raise Wrong("JSBSim does not load it")
     # High above the ground, so that the bench stays clear of it.
     fdm["ic/h-sl-ft"] = 30000.0
     fdm["law/in/reset"] = 1.0
