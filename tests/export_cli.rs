@@ -49,7 +49,7 @@ fn the_list_names_every_format_and_its_client() {
     let list = program(Path::new("."), "export --list");
     assert_eq!(code(&list), 0);
     for about in Format::ALL {
-        let line = out(&list).lines().find(|l| l.starts_with(about.name)).unwrap();
+        let line = out(&list).lines().find(|l| l.starts_with(&format!("{} ", about.name))).unwrap();
         assert!(line.contains(about.proven_in) && line.contains(about.files), "{line}");
     }
     assert_eq!(code(&program(Path::new("."), "export")), 2);

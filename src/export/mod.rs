@@ -264,6 +264,14 @@ pub fn export(
     }
     let description = Description::new(schedule, warnings)?;
     let law = schedule.law().map_err(DescriptionError::from)?;
+    let largest = description
+        .tables
+        .iter()
+        .flat_map(|t| t.values.iter().flatten().flatten())
+        .fold(0.0_f64, |m, x| m.max(x.abs()));
+    if options.precision == Precision::Float && largest > f64::from(f32::MAX) {
+        return Err(ExportError::Option(format!("{largest:e} does not fit a float: use double")));
+    }
     let input = Input { description: &description, schedule, law: &law, options };
     if delay_steps(&input) > MAX_DELAY_STEPS {
         return Err(ExportError::Option(format!(

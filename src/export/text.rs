@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn comments_wrap_and_cannot_end_early() {
         let text = comment(&["one two */ three".into(), "four".into()], " * ", 12);
-        assert_eq!(text, " * one two\n *     * /\n *     three\n * four\n");
+        assert_eq!(text, " * one two *\n *     /\n *     three\n * four\n");
     }
 
     #[test]

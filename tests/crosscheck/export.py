@@ -485,6 +485,34 @@ def prove_fmu(directory, vectors, schemas):
     return max(error, close("simulate_fmu", last, vectors.sticks[0], DOUBLE, TRAVEL))
 
 
+# --- Back again --------------------------------------------------------------
+
+
+def prove_import(program, directory, vectors):
+    """MAT files that other programs wrote, compressed, must come back as the
+    same law."""
+    import scipy.io
+
+    data = scipy.io.loadmat(directory / "law.mat")
+    data = {k: v for k, v in data.items() if not k.startswith("__")}
+    scipy.io.savemat(directory / "scipy.mat", data, do_compression=True)
+    files = ["scipy.mat"]
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is not None:
+        files.append("octave.mat")
+        code = "s = load('law.mat'); save('-v7', 'octave.mat', '-struct', 's');"
+        run(octave, "--norc", "--eval", code, cwd=directory)
+    for file in files:
+        design = directory / f"{file}_imported"
+        run(program, "import", directory / file, "-o", design)
+        out = directory / f"{file}_vectors"
+        run(program, "export", design, "--to", "vectors", "--name", "law", "--unverified",
+            "--step", f"{STEP} s", "-o", out)
+        if (out / "law_steps.csv").read_text() != vectors.steps_text:
+            raise Wrong(f"{file}: another law came back")
+    return files
+
+
 # --- All of them -------------------------------------------------------------
 
 
@@ -637,6 +665,11 @@ def check(program, schedule, scratch):
             report(False, name, "the corrupted artefact passes")
         except Wrong as wrong:
             report(True, name, f"corrupted: {str(wrong).splitlines()[0][:90]}")
+    try:
+        files = prove_import(program, export("back", "matlab"), vectors)
+        report(True, "import", f"{' and '.join(files)} give the same law")
+    except Wrong as wrong:
+        report(False, "import", wrong)
     # The sources of the unit compile with a client's own tool chain, too.
     for form in ("fmu",):
         directory = export("fmu_sources", form)
