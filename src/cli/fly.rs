@@ -10,10 +10,12 @@ use super::args::ProblemArgs;
 use super::trim::failures;
 use crate::control::plant::Hardware;
 use crate::control::spec;
-use crate::problem::{Loaded, Problem};
+use crate::problem::Loaded;
 use crate::schedule::Schedule;
 use crate::simulate::flight::Autopilot;
 use crate::simulate::maneuver::{self, Maneuver, Mode};
+use crate::simulate::montecarlo::Variation;
+use crate::simulate::wind::Turbulence;
 use crate::simulate::{Options, SimulationError};
 use crate::trim::{ConvergedTrim, Options as TrimOptions, sweep};
 use crate::units::{Kind, parse_quantity};
@@ -32,8 +34,8 @@ pub struct FlyArgs {
     /// Problem file, or the name of a built-in one
     #[arg(long, value_name = "FILE", default_value = "coax2d")]
     pub problem: PathBuf,
-    /// Vary the model: interactions=on|off, mass=FACTOR, inertia=FACTOR, cg=LENGTH (aft positive),
-    /// delay=TIME (extra)
+    /// Vary the model: interactions=on|off, mass=FACTOR, inertia=FACTOR, cg=LENGTH (aft),
+    /// delay=TIME (extra), turbulence=SPEED (wind at 20 ft)
     #[arg(long = "model", value_name = "KEY=VALUE")]
     pub model: Vec<String>,
     /// Seed of sensor noise and turbulence
@@ -50,88 +52,49 @@ pub struct FlyArgs {
     pub pitch_rate_limit: Option<String>,
 }
 
-/// How the flown model differs from the problem's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Variation {
-    /// Rotor-on-rotor interactions, if not the problem's.
-    pub interactions: Option<bool>,
-    /// Factor on the mass.
-    pub mass: f64,
-    /// Factor on the moments and products of inertia.
-    pub inertia: f64,
-    /// Shift of the centre of gravity aft, m.
-    pub center_of_gravity: f64,
-    /// Delay on top, s.
-    pub delay: f64,
-}
-
-impl Default for Variation {
-    fn default() -> Self {
-        Self { interactions: None, mass: 1.0, inertia: 1.0, center_of_gravity: 0.0, delay: 0.0 }
-    }
-}
-
-impl Variation {
-    /// Reads `--model` arguments.
-    ///
-    /// # Errors
-    /// Keys that are not known and values that make no sense.
-    pub fn parse(texts: &[String]) -> Result<Self, CliError> {
-        let mut variation = Self::default();
-        for text in texts {
-            let usage = |message: String| CliError::Usage {
-                message: format!("--model {text:?}: {message}"),
-                help: "write --model interactions=off, --model mass=1.1, --model inertia=0.9, \
-                       --model \"cg=2 in\" or --model \"delay=10 ms\""
-                    .into(),
-            };
-            let (key, value) = text.split_once('=').ok_or_else(|| usage("no value".into()))?;
-            let factor = || match value.trim().parse::<f64>() {
-                Ok(factor) if factor > 0.1 && factor < 10.0 => Ok(factor),
-                _ => Err(usage(format!("{value:?} is no factor between 0.1 and 10"))),
-            };
-            let quantity =
-                |kind| parse_quantity(value.trim(), kind).map_err(|error| usage(error.to_string()));
-            match key.trim() {
-                "interactions" => {
-                    variation.interactions = Some(match value.trim() {
-                        "on" => true,
-                        "off" => false,
-                        other => return Err(usage(format!("{other:?} is neither on nor off"))),
-                    });
-                }
-                "mass" => variation.mass = factor()?,
-                "inertia" => variation.inertia = factor()?,
-                "cg" => variation.center_of_gravity = quantity(Kind::Length)?,
-                "delay" => variation.delay = quantity(Kind::Time)?,
-                other => return Err(usage(format!("there is no {other:?} to vary"))),
+/// Reads `--model` arguments.
+///
+/// # Errors
+/// Keys that are not known and values that make no sense.
+pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
+    let mut variation = Variation::default();
+    for text in texts {
+        let usage = |message: String| CliError::Usage {
+            message: format!("--model {text:?}: {message}"),
+            help: "write --model interactions=off, --model mass=1.1, --model inertia=0.9, \
+                   --model \"cg=2 in\", --model \"delay=10 ms\" or --model \"turbulence=15 kt\""
+                .into(),
+        };
+        let (key, value) = text.split_once('=').ok_or_else(|| usage("no value".into()))?;
+        let factor = || match value.trim().parse::<f64>() {
+            Ok(factor) if factor > 0.1 && factor < 10.0 => Ok(factor),
+            _ => Err(usage(format!("{value:?} is no factor between 0.1 and 10"))),
+        };
+        let quantity =
+            |kind| parse_quantity(value.trim(), kind).map_err(|error| usage(error.to_string()));
+        match key.trim() {
+            "interactions" => {
+                variation.interactions = Some(match value.trim() {
+                    "on" => true,
+                    "off" => false,
+                    other => return Err(usage(format!("{other:?} is neither on nor off"))),
+                });
             }
+            "mass" => variation.mass = factor()?,
+            "inertia" => variation.inertia = factor()?,
+            "cg" => variation.center_of_gravity = quantity(Kind::Length)?,
+            "delay" => variation.delay = quantity(Kind::Time)?,
+            "turbulence" => variation.turbulence = Some(quantity(Kind::Airspeed)?),
+            other => return Err(usage(format!("there is no {other:?} to vary"))),
         }
-        if variation.delay < 0.0 {
-            return Err(CliError::Usage {
-                message: "--model delay: it cannot be less than the hardware's".into(),
-                help: "give an extra delay of zero or more".into(),
-            });
-        }
-        Ok(variation)
     }
-
-    /// The problem, varied.
-    #[must_use]
-    pub fn apply(&self, problem: &Problem) -> Problem {
-        let mut problem = problem.clone();
-        let m = &mut problem.mass;
-        m.mass *= self.mass;
-        for value in [&mut m.i_xx, &mut m.i_yy, &mut m.i_zz, &mut m.i_xz, &mut m.i_xy, &mut m.i_yz]
-        {
-            *value *= self.inertia;
-        }
-        m.center_of_gravity.fuselage_station += self.center_of_gravity;
-        if let Some(on) = self.interactions {
-            problem.inflow.interactions = on;
-        }
-        problem
+    if variation.delay < 0.0 {
+        return Err(CliError::Usage {
+            message: "--model delay: it cannot be less than the hardware's".into(),
+            help: "give an extra delay of zero or more".into(),
+        });
     }
+    Ok(variation)
 }
 
 /// Everything that a flight needs but its trim.
@@ -157,8 +120,11 @@ impl FlyArgs {
     /// # Errors
     /// Files that cannot be read, and arguments that make no sense.
     pub fn ready(&self, quiet: bool) -> Result<Ready, CliError> {
-        let maneuver = load_maneuver(&self.maneuver)?;
-        let variation = Variation::parse(&self.model)?;
+        let mut maneuver = load_maneuver(&self.maneuver)?;
+        let variation = variation(&self.model)?;
+        if let Some(wind_at_20_ft) = variation.turbulence {
+            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft });
+        }
         let problem = ProblemArgs { file: Some(self.problem.clone()) };
         let loaded = problem.load_with_warnings(quiet)?;
         let schedule = self.design.as_deref().map(load_schedule).transpose()?;

@@ -13,11 +13,13 @@ mod design;
 mod error;
 mod export;
 mod fly;
+mod identify;
 mod import;
 mod linearize;
 mod man;
 mod models;
 mod modes;
+mod montecarlo;
 mod new;
 pub mod output;
 mod report;
@@ -75,6 +77,10 @@ pub enum Command {
     Compare(compare::Compare),
     /// Fly a manoeuvre with the full nonlinear vehicle
     Simulate(simulate::Simulate),
+    /// Measure a schedule's margins in simulated flight, by frequency sweeps
+    Identify(identify::Identify),
+    /// Fly a manoeuvre many times with the aircraft and the air varied
+    Montecarlo(montecarlo::MonteCarlo),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -107,6 +113,8 @@ impl Command {
             Command::Report(command) => command.run(),
             Command::Compare(command) => command.run(),
             Command::Simulate(command) => command.run(),
+            Command::Identify(command) => command.run(),
+            Command::Montecarlo(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

@@ -138,7 +138,9 @@ impl Simulate {
             output::write_whole(path, text.as_bytes(), self.output.force)?;
         }
         if let Some(path) = &self.plot {
-            let svg = figure(&ready, &status, &kept, system);
+            let revolution = std::f64::consts::TAU / vehicle.reference_speed;
+            let rows = revolution * self.fly.control_rate / every as f64;
+            let svg = figure(&ready, &status, &kept, rows.round() as usize, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         match self.format.format {
@@ -363,12 +365,28 @@ fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) 
 /// Most points of a plotted curve.
 const PLOTTED: usize = 1500;
 
-fn figure(ready: &Ready, status: &Status, kept: &Kept, system: System) -> String {
+fn figure(
+    ready: &Ready,
+    status: &Status,
+    kept: &Kept,
+    revolution: usize,
+    system: System,
+) -> String {
     let stride = kept.rows.len().div_ceil(PLOTTED).max(1);
     let place = |name: &str| kept.columns.iter().position(|column| column.name == name);
     let values = |index: usize| -> Vec<f64> {
         let kind = kept.columns[index].kind;
-        kept.rows.iter().step_by(stride).map(|row| kind.from_si(row[index], system)).collect()
+        // A rotor's power swings with the azimuth: the mean over a revolution
+        // is what an engine feels.
+        let window = if kind == Kind::Power { revolution.max(1) } else { 1 };
+        (0..kept.rows.len())
+            .step_by(stride)
+            .map(|k| {
+                let rows = &kept.rows[(k + 1).saturating_sub(window)..=k];
+                let sum: f64 = rows.iter().map(|row| row[index]).sum();
+                kind.from_si(sum / rows.len() as f64, system)
+            })
+            .collect()
     };
     let time = values(0);
     // Names of curves, and the columns that they are.

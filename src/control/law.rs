@@ -8,22 +8,28 @@
 //! and in the same way for θ; for r and V_z (down positive) one derivative
 //! less. With M = B_d⁻¹ this is the partial inversion B_d⁻¹ (ν − F_att x −
 //! κ F_uvw x − (1 − κ) F_uvw x_ref); see [`Inversion`] for why feedback has an
-//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is the deviation from the trim at the scheduled speed. Around it
-//! the translational rate command of the reference paper's Fig. 11:
+//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is
+//! the deviation from the trim at the scheduled speed. Around it the
+//! translational rate command of the reference paper's Fig. 11:
 //!
 //! ```text
-//! θ_c = θ_trim − (a_x + K_P e_x + K_I ∫e_x)/g
-//! φ_c = φ_trim + atan(V_x ψ'_c/g) + (a_y + K_P e_y + K_I ∫e_y)/g
+//! θ_c = θ_trim − a_x/G_θ − (K_P e_x + K_I ∫e_x)/g
+//! φ_c = φ_trim + a_y/G_φ + atan(V_x ψ'_c/g) + (K_P e_y + K_I ∫e_y)/g
 //! ```
 //!
 //! with e the error of ground velocity in heading axes and a the acceleration
-//! of its reference: a first-order lag of the command. What the aircraft can
+//! of its reference: a first-order lag of the command. G is the acceleration
+//! per attitude of the inverted model at constant height, g in hover; at speed
+//! pitching also turns the rotors' drag, and G_θ is up to twice as large. What the aircraft can
 //! do of it is that lag seen through the attitude command model and the
 //! reference delay; e is measured against that. V_x ψ'_c is what it takes to
 //! hold V_y while the heading axes turn. Eq. 75 is a blend b(V) that rises
 //! smoothly from 0 to 1 around the turn-coordination speed:
 //! φ_c' = (1 − b) φ_c + b (φ_trim + atan(V ψ'_c/g)). It hands over from one to
-//! the other without a step, because both ask for the same bank.
+//! the other without a step, because both ask for the same bank. So that yaw
+//! and bank go into a turn together, the yaw command is led through the
+//! attitude command model as the speed nears half the turn-coordination speed,
+//! and its own lag is made up for.
 //!
 //! Under a velocity command the schedule is read at the speed of the
 //! reference, not of the aircraft. Read at the speed that is flown, the trim
@@ -157,7 +163,9 @@ pub struct Measurement {
     pub roll: f64,
     /// Pitch angle, rad.
     pub pitch: f64,
-    /// True airspeed, m/s: what the schedule is read at.
+    /// Forward component of the true airspeed in heading axes, m/s: what the
+    /// schedule is read at. Not its magnitude: sideward flight is no forward
+    /// flight.
     pub airspeed: f64,
 }
 
@@ -202,6 +210,11 @@ pub const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
 /// Farthest that the speed of the schedule may lie from the speed that is
 /// flown, m/s.
 pub const SCHEDULE_LEAD: f64 = 5.0;
+/// How far below the turn-coordination speed the yaw command is led in full: at
+/// one part in so many of it.
+pub const YAW_LEAD: f64 = 2.0;
+/// Forward speed below which rolling asks for no yaw, m/s.
+pub const SLOW: f64 = 5.0;
 /// Time constant with which the lateral velocity integral is forgotten where
 /// turn coordination has taken over, s.
 pub const FORGETTING: f64 = 1.0;
@@ -248,8 +261,12 @@ pub struct Controller {
     references: [Reference; REFERENCES],
     /// Horizontal velocities as lags of their commands.
     velocity_commands: [f64; 2],
+    /// Rate of turn as bank can follow it.
+    turn: Reference,
     /// Whether the last step was under a velocity command.
     velocity_mode: bool,
+    /// Weight of turn coordination at the last step.
+    blend: f64,
     /// Values and rates of the references of the last τ.
     history: VecDeque<[[f64; 2]; REFERENCES]>,
     integrals: [f64; 4],
@@ -271,7 +288,9 @@ impl Controller {
             started: false,
             references: [Reference::default(); REFERENCES],
             velocity_commands: [0.0; 2],
+            turn: Reference::default(),
             velocity_mode: false,
+            blend: 0.0,
             history: VecDeque::new(),
             integrals: [0.0; 4],
             velocity_integrals: [0.0; 2],
@@ -292,12 +311,17 @@ impl Controller {
         let value = |value: f64| Reference { value, ..Reference::default() };
         self.references = [m.roll, m.pitch, m.rates[2], vertical, ground[0], ground[1]].map(value);
         self.velocity_commands = ground;
+        let across = m.rates[1] * m.roll.sin() + m.rates[2] * m.roll.cos();
+        self.turn = value(across / m.pitch.cos());
         let now = self.references.map(|r| [r.value, r.rate]);
         let length = (self.table.settings.reference_delay / self.step).round() as usize;
         self.history = std::iter::repeat_n(now, length + 1).collect();
         let trim = p.inversion.trim.velocity_body;
         self.trim_velocity = [trim[0], trim[1]];
-        self.model = [m.velocity_body[0] - trim[0], m.velocity_body[1] - trim[1]];
+        let wind = m.airspeed - ground[0];
+        let (sp, (st, ct)) = (m.roll.sin(), m.pitch.sin_cos());
+        let [u, v, _] = m.velocity_body;
+        self.model = [u + wind * ct - trim[0], v + wind * st * sp - trim[1]];
         self.integrals = [0.0; 4];
         self.velocity_integrals = [0.0; 2];
         self.started = true;
@@ -348,15 +372,20 @@ impl Controller {
         }
     }
 
-    /// What the last step steered to.
+    /// What the last step steered to. Where turn coordination has the bank, the
+    /// velocity to the right is that of flight without v: −w sin φ.
     pub fn references(&self) -> References {
         let now = self.history.front().copied().unwrap_or_default();
+        let (sp, cp) = now[1][0].sin_cos();
+        let lifted = now[VELOCITY][0] * sp + now[3][0] * cp;
+        let coordinated = -lifted * now[0][0].tan();
+        let right = (1.0 - self.blend) * now[VELOCITY + 1][0] + self.blend * coordinated;
         References {
             roll: now[0][0],
             pitch: now[1][0],
             yaw_rate: now[2][0],
             vertical_velocity: now[3][0],
-            velocity: self.velocity_mode.then_some([now[VELOCITY][0], now[VELOCITY + 1][0]]),
+            velocity: self.velocity_mode.then_some([now[VELOCITY][0], right]),
         }
     }
 
@@ -397,6 +426,7 @@ impl Controller {
 
         // Outer loop and Eq. 75.
         let blend = self.table.turn_blend(m.airspeed);
+        self.blend = blend;
         let coordinated = (m.airspeed * demand.heading_rate / GRAVITY).atan();
         let frequencies = [settings.pitch_frequency, settings.roll_frequency];
         let (roll_command, pitch_command) = match demand.horizontal {
@@ -415,11 +445,11 @@ impl Controller {
                 // Heading axes turn: holding V_y takes V_x ψ' of acceleration.
                 let turning =
                     [0.0, (self.velocity_commands[0] * demand.heading_rate / GRAVITY).atan()];
+                let per_attitude = acceleration_per_attitude(inv);
                 let raw: [f64; 2] = std::array::from_fn(|k| {
-                    (acceleration[k]
-                        + gains[k].k_p * errors[k]
-                        + gains[k].k_i * self.velocity_integrals[k])
-                        / GRAVITY
+                    acceleration[k] / per_attitude[k]
+                        + (gains[k].k_p * errors[k] + gains[k].k_i * self.velocity_integrals[k])
+                            / GRAVITY
                         + turning[k]
                 });
                 // Where turn coordination has the bank, the lateral integral
@@ -438,8 +468,6 @@ impl Controller {
             }
         };
         let roll_command = (1.0 - blend) * roll_command + blend * (trim.roll + coordinated);
-        // Heading rate to body yaw rate, at the attitude flown.
-        let yaw_command = demand.heading_rate * cp * ct;
 
         // Command models.
         let attitude = |r: &mut Reference, command: f64, wn: f64| {
@@ -458,6 +486,22 @@ impl Controller {
                 attitude(&mut self.references[VELOCITY + k], command, frequencies[k]);
             }
         }
+        // The heading turns no sooner than the bank that must go with it.
+        attitude(&mut self.turn, demand.heading_rate, settings.roll_frequency);
+        let together = (YAW_LEAD * m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
+        let led = self.turn.value + settings.yaw_time_constant * self.turn.rate;
+        let heading_rate = (1.0 - together) * demand.heading_rate + together * led;
+        // In a coordinated turn the aircraft rolls about its flight path: to
+        // keep v at zero, rolling with w asks for yaw, p w = r u.
+        let slope = if trim.velocity_body[0] > SLOW {
+            blend * trim.velocity_body[2] / trim.velocity_body[0]
+        } else {
+            0.0
+        };
+        let bank = self.references[0];
+        let rolling = slope * (bank.rate + settings.yaw_time_constant * bank.acceleration);
+        // Heading rate to body yaw rate, at the attitude flown.
+        let yaw_command = heading_rate * cp * ct + rolling;
         let lag = |r: &mut Reference, command: f64, time_constant: f64| {
             r.rate = (command - r.value) / time_constant;
             r.value += dt * r.rate;
@@ -497,10 +541,13 @@ impl Controller {
 
         // Inversion.
         let tv = trim.velocity_body;
+        // Through the air as far as it is known: the forward airspeed is.
+        let wind = m.airspeed - forward;
+        let air = [u + wind * ct, v + wind * st * sp, w + wind * st * cp];
         let x = SVector::<f64, 8>::from_column_slice(&[
-            u - tv[0],
-            v - tv[1],
-            w - tv[2],
+            air[0] - tv[0],
+            air[1] - tv[1],
+            air[2] - tv[2],
             m.rates[0],
             m.rates[1],
             m.rates[2],
@@ -525,15 +572,39 @@ impl Controller {
             self.references[3].value,
         ]);
         let z = SVector::<f64, 2>::from_column_slice(&self.model);
-        let ideal = inv.reference.state * z + inv.reference.input * rho;
+        let mut ideal = inv.reference.state * z + inv.reference.input * rho;
+        // Exact kinematics: in a turn the aircraft also pitches and rolls.
+        let to = |k: usize| self.references[k].value;
+        let ((sr, cr), (sp, cp)) = (to(0).sin_cos(), to(1).sin_cos());
+        let [bank_rate, pitch_rate] = [self.references[0].rate, self.references[1].rate];
+        let turn = (to(2) + pitch_rate * sr) / (cp * cr);
+        ideal[rigid::P] = bank_rate - turn * sp;
+        ideal[rigid::Q] = pitch_rate * cr + turn * cp * sr;
+        ideal[rigid::R] = to(2);
+        if velocity_mode {
+            // The velocities are known from their references, and need no
+            // model of their own.
+            let (along, down) = (to(VELOCITY) + wind, to(3));
+            let lifted = along * sp + down * cp;
+            // A coordinated turn leaves no v.
+            let across = (1.0 - blend) * to(VELOCITY + 1) - blend * lifted * sr / cr;
+            let body =
+                [along * cp - down * sp, across * cr + lifted * sr, lifted * cr - across * sr];
+            for k in 0..3 {
+                ideal[rigid::U + k] = body[k] - tv[k];
+            }
+            self.model = [ideal[rigid::U], ideal[rigid::V]];
+        }
         if settings.hybrid_feedforward {
             nu += f_kappa * ideal;
             commanded -= inv.feedback * ideal;
         }
         let change = inv.reference.dynamics * ideal
             + inv.reference.drive * Vector4::from_column_slice(&feed);
-        self.model[0] += dt * change[0];
-        self.model[1] += dt * change[1];
+        if !velocity_mode {
+            self.model[0] += dt * change[0];
+            self.model[1] += dt * change[1];
+        }
 
         let delta = inv.decoupling * commanded + inv.allocation * nu;
         for j in 0..4 {
@@ -560,6 +631,15 @@ impl Controller {
     pub fn model_deviation(&self) -> [f64; 2] {
         self.model
     }
+}
+
+/// Horizontal acceleration per attitude of the inverted model at constant
+/// vertical velocity, m/s² per rad: forward per pitch down, to the right per
+/// bank. Gravity where the model's own is not positive.
+fn acceleration_per_attitude(inv: &Inversion) -> [f64; 2] {
+    let model = &inv.reference;
+    let through = inv.ground_velocity * model.state * model.dynamics * model.input;
+    [-through[(0, 1)], through[(1, 0)]].map(|g| if g > 0.5 * GRAVITY { g } else { GRAVITY })
 }
 
 /// Velocity over the ground: down, and forward and to the right in heading

@@ -168,7 +168,7 @@ pub fn build(
 }
 
 /// The part of a trim that the control law needs.
-fn airframe(point: &Trim) -> TrimPoint {
+pub fn airframe(point: &Trim) -> TrimPoint {
     let body = crate::vehicle::Layout::BODY;
     let m = &point.mean_state;
     TrimPoint {

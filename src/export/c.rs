@@ -9,7 +9,7 @@ const SOURCE: &str = include_str!("templates/law.c");
 const HYBRID: &str = include_str!("templates/hybrid.c");
 
 /// Constants of the description that the code needs, and their names there.
-pub(super) const CONSTANTS: [(&str, &str); 14] = [
+pub(super) const CONSTANTS: [(&str, &str); 16] = [
     ("KAPPA", "kappa"),
     ("ROLL_FREQUENCY", "roll_frequency"),
     ("PITCH_FREQUENCY", "pitch_frequency"),
@@ -24,6 +24,8 @@ pub(super) const CONSTANTS: [(&str, &str); 14] = [
     ("ACCELERATION_LIMIT", "acceleration_limit"),
     ("SCHEDULE_LEAD", "schedule_lead"),
     ("FORGETTING", "forgetting"),
+    ("YAW_LEAD", "yaw_lead"),
+    ("SLOW", "slow"),
 ];
 
 /// A number as a C constant.

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use crate::control::axis::{Channel, ChannelGains};
 use crate::control::law::{
-    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, SCHEDULE_LEAD,
+    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, SCHEDULE_LEAD, SLOW, YAW_LEAD,
 };
 use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
@@ -284,6 +284,13 @@ pub const FORMS: [Form; 14] = [
         columns: &NU,
     },
     Form {
+        name: "ground_velocity",
+        meaning: "velocity over the ground in heading axes, forward and right, from states",
+        needed_by_law: true,
+        rows: &GROUND,
+        columns: &STATES,
+    },
+    Form {
         name: "outputs",
         meaning: "C: outputs from states",
         needed_by_law: false,
@@ -297,17 +304,10 @@ pub const FORMS: [Form; 14] = [
         rows: &OUTPUT_RATES,
         columns: &STATES,
     },
-    Form {
-        name: "ground_velocity",
-        meaning: "velocity over the ground in heading axes, forward and right, from states",
-        needed_by_law: false,
-        rows: &GROUND,
-        columns: &STATES,
-    },
 ];
 
 /// Names, units and meanings of the constants, in the order of files.
-const CONSTANTS: [(&str, &str, &str); 28] = [
+const CONSTANTS: [(&str, &str, &str); 30] = [
     ("kappa", "1", "share of the velocity terms of F that feedback cancels"),
     ("hybrid_feedforward", "1", "1 if the rest of them is fed forward from the reference model"),
     ("reference_delay", "s", "delay of the references in the error path"),
@@ -324,6 +324,8 @@ const CONSTANTS: [(&str, &str, &str); 28] = [
     ("acceleration_limit", "m/s^2", "largest horizontal acceleration of a velocity reference"),
     ("schedule_lead", "m/s", "farthest that the speed of the schedule lies from the speed flown"),
     ("forgetting", "s", "time constant of the lateral velocity integral under turn coordination"),
+    ("yaw_lead", "1", "the yaw command is led in full at the blend's middle over this"),
+    ("slow", "m/s", "forward speed of the trim below which rolling asks for no yaw"),
     ("stick_lat_min", "%", "lower limit of the lateral stick"),
     ("stick_lat_max", "%", "upper limit of the lateral stick"),
     ("stick_lon_min", "%", "lower limit of the longitudinal stick"),
@@ -360,17 +362,19 @@ pub(super) fn constant_forms() -> impl Iterator<Item = Constant> {
 
 /// Constants that have a value of their own in every law and are only
 /// repeated for other programs.
-pub const FIXED: [(&str, f64); 6] = [
+pub const FIXED: [(&str, f64); 8] = [
     ("gravity", STANDARD_GRAVITY),
     ("attitude_limit", ATTITUDE_LIMIT),
     ("outer_slowness", OUTER_SLOWNESS),
     ("acceleration_limit", ACCELERATION_LIMIT),
     ("schedule_lead", SCHEDULE_LEAD),
     ("forgetting", FORGETTING),
+    ("yaw_lead", YAW_LEAD),
+    ("slow", SLOW),
 ];
 
 /// How to read and run the tables.
-const RULES: [(&str, &str); 8] = [
+const RULES: [(&str, &str); 10] = [
     (
         "interpolation",
         "element by element, linear in true airspeed: (1 - t) a + t b with \
@@ -402,12 +406,25 @@ const RULES: [(&str, &str); 8] = [
     ),
     (
         "velocity_loops",
-        "theta_c = theta_trim - (a_x + k_p e_x + k_i int(e_x)) / gravity, phi_c = phi_trim + (a_y + \
-         k_p e_y + k_i int(e_y)) / gravity + atan(v_x heading_rate / gravity), each change held to \
-         +-attitude_limit; a is the rate of a first-order lag of the command with time constant \
-         outer_slowness over the attitude's frequency, held to +-acceleration_limit; v_x is that lag; \
-         e is that lag through the attitude command model, reference_delay late, less the velocity \
-         flown in heading axes",
+        "theta_c = theta_trim - a_x / G_theta - (k_p e_x + k_i int(e_x)) / gravity, phi_c = \
+         phi_trim + a_y / G_phi + (k_p e_y + k_i int(e_y)) / gravity + atan(v_x heading_rate / \
+         gravity), each change held to +-attitude_limit; a is the rate of a first-order lag of the \
+         command with time constant outer_slowness over the attitude's frequency, held to \
+         +-acceleration_limit; v_x is that lag; e is that lag through the attitude command model, \
+         reference_delay late, less the velocity flown in heading axes; G_theta and G_phi are -(0, \
+         theta) and (1, phi) of ground_velocity reference_state reference_dynamics reference_input, \
+         gravity where not above half of it",
+    ),
+    (
+        "yaw",
+        "the yaw rate's command is the heading rate, led through the roll command model as the \
+         airspeed nears turn_coordination_speed / yaw_lead, in body axes, and b w_trim / u_trim \
+         times the rate of bank where u_trim is above slow",
+    ),
+    (
+        "airspeed",
+        "the forward component of the true airspeed in heading axes; what it is more than the \
+         ground speed forward counts as wind in x and x_ref",
     ),
     (
         "schedule",
@@ -755,6 +772,8 @@ fn constant(schedule: &Schedule, name: &str) -> f64 {
         "acceleration_limit" => ACCELERATION_LIMIT,
         "schedule_lead" => SCHEDULE_LEAD,
         "forgetting" => FORGETTING,
+        "yaw_lead" => YAW_LEAD,
+        "slow" => SLOW,
         "stick_lat_min" => s[0][0],
         "stick_lat_max" => s[0][1],
         "stick_lon_min" => s[1][0],

@@ -22,7 +22,7 @@ const INPUTS: [(&str, f64, &str); 15] = [
     ("r-rad_sec", 0.0, "yaw rate"),
     ("phi-rad", 0.0, "bank angle"),
     ("theta-rad", 0.0, "pitch angle"),
-    ("airspeed-m_sec", 0.0, "true airspeed, at which the tables are read"),
+    ("airspeed-m_sec", 0.0, "forward component of the true airspeed in heading axes"),
     ("velocity-mode", 0.0, "1: commands are velocities; 0: attitudes"),
     ("command-1", 0.0, "bank, rad; or velocity forward, m/s"),
     ("command-2", 0.0, "pitch, rad; or velocity to the right, m/s"),
@@ -224,6 +224,7 @@ fn law(w: &mut Writer) {
     let (slowness, acceleration_limit) =
         (constant("outer_slowness"), constant("acceleration_limit"));
     let (lead_limit, forgetting) = (constant("schedule_lead"), constant("forgetting"));
+    let (yaw_lead, slow) = (constant("yaw_lead"), constant("slow"));
     let (turn, width) =
         (w.input.schedule.turn_coordination_speed, w.input.schedule.turn_coordination_width);
     let limits = w.input.schedule.stick_limits;
@@ -266,7 +267,21 @@ fn law(w: &mut Writer) {
     );
     let theta_dot = w.set(
         "kinematics/theta-dot-rad_sec",
-        &minus(product(&[rates[1].clone(), cp.clone()]), product(&[rates[2].clone(), sp])),
+        &minus(product(&[rates[1].clone(), cp.clone()]), product(&[rates[2].clone(), sp.clone()])),
+    );
+
+    // Through the air as far as it is known: the forward airspeed is.
+    let wind = w.set("kinematics/wind-m_sec", &minus(input(w, "airspeed-m_sec"), forward.clone()));
+    let along =
+        [ct.clone(), product(&[st.clone(), sp.clone()]), product(&[st.clone(), cp.clone()])];
+    let mut air = Vec::new();
+    for (k, name) in ["u", "v", "w"].iter().enumerate() {
+        let x = sum(&[velocity[k].clone(), product(&[wind.clone(), along[k].clone()])]);
+        air.push(w.set(&format!("air/{name}-m_sec"), &x));
+    }
+    let turn_now = over(
+        sum(&[product(&[rates[1].clone(), sp.clone()]), product(&[rates[2].clone(), cp.clone()])]),
+        ct.clone(),
     );
 
     w.section("memory of the last frame, or the start from what is measured");
@@ -315,6 +330,10 @@ fn law(w: &mut Writer) {
         let x = pick(entered.clone(), measured[4 + k].clone(), old);
         last_command.push(w.set(&format!("last/command-{name}"), &x));
     }
+    let old = w.p("turn/rate");
+    let last_turn = w.set("last/turn", &pick(fresh.clone(), turn_now, old));
+    let old = w.p("turn/rate-rate");
+    let last_turn_rate = w.set("last/turn-rate", &pick(fresh.clone(), v(0.0), old));
     let mut integral = Vec::new();
     for name in names {
         let old = w.p(&format!("integral/{name}"));
@@ -367,7 +386,7 @@ fn law(w: &mut Writer) {
     let mut model = Vec::new();
     for (k, name) in ["u", "v"].iter().enumerate() {
         let (old, trim) = (w.p(&format!("model/{name}")), w.p(&format!("model/trim-{name}")));
-        let start = minus(velocity[k].clone(), trim_velocity[k].clone());
+        let start = minus(air[k].clone(), trim_velocity[k].clone());
         let moved = minus(old, minus(trim_velocity[k].clone(), trim));
         model.push(w.set(&format!("last/model-{name}"), &pick(fresh.clone(), start, moved)));
     }
@@ -384,6 +403,35 @@ fn law(w: &mut Writer) {
     let blend = w
         .set("turn/blend", &product(&[t.clone(), t.clone(), minus(v(3.0), product(&[v(2.0), t]))]));
     let frequencies = [settings.pitch_frequency, settings.roll_frequency];
+    // Acceleration per attitude of the inverted model: forward per pitch down,
+    // to the right per bank.
+    let mut per_attitude = Vec::new();
+    for (k, name) in velocities.iter().enumerate() {
+        let column = |w: &Writer, table: &str, rows: usize, column: usize| -> Vec<X> {
+            (0..rows).map(|i| w.value(table, i, column)).collect()
+        };
+        let model: Vec<X> = (0..2)
+            .map(|j| {
+                let state = column(w, "reference_state", 8, j);
+                let x = sum(&w.terms("ground_velocity", k, &state));
+                w.set(&format!("power/{name}-{j}"), &x)
+            })
+            .collect();
+        let moved = column(w, "reference_input", 8, 1 - k);
+        let terms: Vec<X> = (0..8)
+            .map(|i| {
+                let rate = sum(&[
+                    product(&[model[0].clone(), w.value("reference_dynamics", 0, i)]),
+                    product(&[model[1].clone(), w.value("reference_dynamics", 1, i)]),
+                ]);
+                product(&[rate, moved[i].clone()])
+            })
+            .collect();
+        let through = if k == 0 { product(&[v(-1.0), sum(&terms)]) } else { sum(&terms) };
+        let own = w.set(&format!("power/{name}-own"), &through);
+        let sound = above(own.clone(), v(0.5 * gravity));
+        per_attitude.push(w.set(&format!("power/{name}"), &pick(sound, own, v(gravity))));
+    }
     let mut velocity_command = Vec::new();
     let mut limited = Vec::new();
     for (k, name) in velocities.iter().enumerate() {
@@ -405,14 +453,16 @@ fn law(w: &mut Writer) {
         ));
         let flown = if k == 0 { forward.clone() } else { right.clone() };
         let error = w.set(&format!("error/{name}"), &minus(due[k].clone(), flown));
-        let mut asked = over(
-            sum(&[
-                acceleration,
-                product(&[w.value("gains", 4 + k, 1), error.clone()]),
-                product(&[w.value("gains", 4 + k, 2), velocity_integral[k].clone()]),
-            ]),
-            v(gravity),
-        );
+        let mut asked = sum(&[
+            over(acceleration, per_attitude[k].clone()),
+            over(
+                sum(&[
+                    product(&[w.value("gains", 4 + k, 1), error.clone()]),
+                    product(&[w.value("gains", 4 + k, 2), velocity_integral[k].clone()]),
+                ]),
+                v(gravity),
+            ),
+        ]);
         // Where turn coordination has the bank, the lateral integral has
         // nothing to do and is forgotten.
         let mut step = product(&[dt(), error.clone()]);
@@ -452,7 +502,6 @@ fn law(w: &mut Writer) {
         ]),
     );
     let pitch_command = w.set("command/theta", &asked[1]);
-    let yaw_command = w.set("command/r", &product(&[heading_rate, cp, ct]));
     let heave_command = input(w, "v-z-m_sec");
 
     w.section("command models");
@@ -497,6 +546,36 @@ fn law(w: &mut Writer) {
         let moved = sum(&[last[4 + k].clone(), product(&[dt(), now])]);
         w.set(&format!("reference/{name}"), &pick(in_velocity.clone(), moved, last[4 + k].clone()));
     }
+    // The heading turns no sooner than the bank that must go with it.
+    let omega = settings.roll_frequency;
+    let acceleration = minus(
+        product(&[v(omega * omega), minus(heading_rate.clone(), last_turn.clone())]),
+        product(&[v(2.0 * settings.attitude_damping * omega), last_turn_rate.clone()]),
+    );
+    let turn_rate =
+        w.set("turn/rate-rate", &sum(&[last_turn_rate, product(&[dt(), acceleration])]));
+    let turn_value = w.set("turn/rate", &sum(&[last_turn, product(&[dt(), turn_rate.clone()])]));
+    let together = w.set(
+        "turn/together",
+        &held(over(product(&[v(yaw_lead), airspeed.clone()]), v(turn)), 0.0, 1.0),
+    );
+    let lag = settings.yaw_time_constant;
+    let led = sum(&[turn_value, product(&[v(lag), turn_rate])]);
+    let turned = sum(&[
+        product(&[minus(v(1.0), together.clone()), heading_rate]),
+        product(&[together, led]),
+    ]);
+    // In a coordinated turn the aircraft rolls about its flight path: to keep v
+    // at zero, rolling with w asks for yaw, p w = r u.
+    let slope = pick(
+        above(trim_velocity[0].clone(), v(slow)),
+        over(product(&[blend.clone(), trim_velocity[2].clone()]), trim_velocity[0].clone()),
+        v(0.0),
+    );
+    let rolling =
+        product(&[slope, sum(&[reference_rate[0].clone(), product(&[v(lag), feed[0].clone()])])]);
+    let yaw_command =
+        w.set("command/r", &sum(&[product(&[turned, cp.clone(), ct.clone()]), rolling]));
     let lags =
         [(yaw_command, settings.yaw_time_constant), (heave_command, settings.heave_time_constant)];
     for (k, (command, lag)) in (2..).zip(lags) {
@@ -532,16 +611,65 @@ fn law(w: &mut Writer) {
         reference[3].clone(),
     ];
     let states = ["u", "v", "w", "p", "q", "r", "phi", "theta"];
+    // Exact kinematics: in a turn the aircraft also pitches and rolls; and under
+    // a velocity demand its velocities are known from their references.
+    let sr = w.set("reference/sin-phi", &op("sin", &reference[..1]));
+    let cr = w.set("reference/cos-phi", &op("cos", &reference[..1]));
+    let s_pitch = w.set("reference/sin-theta", &op("sin", &reference[1..2]));
+    let c_pitch = w.set("reference/cos-theta", &op("cos", &reference[1..2]));
+    let turn_of = w.set(
+        "reference/turn",
+        &over(
+            sum(&[reference[2].clone(), product(&[reference_rate[1].clone(), sr.clone()])]),
+            product(&[c_pitch.clone(), cr.clone()]),
+        ),
+    );
+    let along = sum(&[w.p("reference/v-x"), wind]);
+    let down = reference[3].clone();
+    let lifted = w.set(
+        "reference/lifted-m_sec",
+        &sum(&[
+            product(&[along.clone(), s_pitch.clone()]),
+            product(&[down.clone(), c_pitch.clone()]),
+        ]),
+    );
+    // A coordinated turn leaves no v.
+    let across = w.set(
+        "reference/across-m_sec",
+        &minus(
+            product(&[minus(v(1.0), blend.clone()), w.p("reference/v-y")]),
+            over(product(&[blend, lifted.clone(), sr.clone()]), cr.clone()),
+        ),
+    );
+    let known = [
+        minus(product(&[along, c_pitch.clone()]), product(&[down, s_pitch.clone()])),
+        sum(&[product(&[across.clone(), cr.clone()]), product(&[lifted.clone(), sr.clone()])]),
+        minus(product(&[lifted, cr.clone()]), product(&[across, sr.clone()])),
+    ];
+    let turning_rates = [
+        minus(reference_rate[0].clone(), product(&[turn_of.clone(), s_pitch])),
+        sum(&[product(&[reference_rate[1].clone(), cr]), product(&[turn_of, c_pitch, sr])]),
+        reference[2].clone(),
+    ];
     let mut ideal = Vec::new();
     for (i, state) in states.iter().enumerate() {
         let mut terms = w.terms("reference_state", i, &model);
         terms.extend(w.terms("reference_input", i, &rho));
-        ideal.push(w.set(&format!("model/ideal-{state}"), &sum(&terms)));
+        let x = match i {
+            0..3 => pick(
+                in_velocity.clone(),
+                minus(known[i].clone(), trim_velocity[i].clone()),
+                sum(&terms),
+            ),
+            3..6 => sum(&turning_rates[i - 3..i - 2]),
+            _ => sum(&terms),
+        };
+        ideal.push(w.set(&format!("model/ideal-{state}"), &x));
     }
     let mut deviation = Vec::new();
     for (k, state) in states.iter().enumerate() {
         let x = match k {
-            0..3 => minus(velocity[k].clone(), trim_velocity[k].clone()),
+            0..3 => minus(air[k].clone(), trim_velocity[k].clone()),
             3..6 => sum(&rates[k - 3..k - 2]),
             6 => minus(phi.clone(), trim_roll.clone()),
             _ => minus(theta.clone(), trim_pitch.clone()),
@@ -582,7 +710,8 @@ fn law(w: &mut Writer) {
     for (k, name) in ["u", "v"].iter().enumerate() {
         let mut terms = w.terms("reference_dynamics", k, &ideal);
         terms.extend(w.terms("reference_drive", k, &feed));
-        w.set(&format!("model/{name}"), &sum(&[model[k].clone(), product(&[dt(), sum(&terms)])]));
+        let moved = sum(&[model[k].clone(), product(&[dt(), sum(&terms)])]);
+        w.set(&format!("model/{name}"), &pick(in_velocity.clone(), ideal[k].clone(), moved));
     }
 
     w.section("inversion, limits and anti-windup");

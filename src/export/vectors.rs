@@ -213,6 +213,7 @@ pub fn lookup(table: &LawTable, speed: f64) -> Vec<f64> {
     out.extend(r.input.transpose().iter());
     out.extend(r.dynamics.transpose().iter());
     out.extend(r.drive.transpose().iter());
+    out.extend(i.ground_velocity.transpose().iter());
     out.push(table.turn_blend(speed));
     out
 }

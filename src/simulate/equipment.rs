@@ -26,7 +26,8 @@ pub struct SensorNoise {
     pub airspeed: f64,
 }
 
-/// Quantities that are measured: u v w p q r φ θ and the true airspeed.
+/// Quantities that are measured: u v w p q r φ θ and the forward component of
+/// the true airspeed in heading axes.
 pub const MEASURED: usize = 9;
 
 /// First-order filters of equal bandwidth, exact for inputs that are straight

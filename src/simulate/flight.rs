@@ -1,8 +1,9 @@
 //! A manoeuvre in flight: simulator, law and commands together.
 
-use super::maneuver::{Held, Maneuver, Mode};
+use super::maneuver::{Held, Input, Maneuver, Mode};
 use super::simulator::{Departure, Options, SimulationError, Simulator};
-use crate::control::law::{Controller, Demand, LawTable, References};
+use crate::control::axis::Axis;
+use crate::control::law::{Controller, Demand, Horizontal, LawTable, Measurement, References};
 use crate::trim::ConvergedTrim;
 use crate::vehicle::{Layout, Vehicle};
 
@@ -58,6 +59,17 @@ pub struct Autopilot {
     pub stick_limits: [[f64; 2]; 4],
 }
 
+/// A signal added at one place of the closed loop, for measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Excitation {
+    /// On a stick, behind the law.
+    Stick(Input),
+    /// On the measured bank or pitch alone, the rates left clean.
+    Measurement(Axis, Input),
+    /// On the commanded bank or pitch, under attitude commands.
+    Command(Axis, Input),
+}
+
 /// A manoeuvre in flight.
 ///
 /// Each control period has two halves: [`Flight::decide`] measures and gives
@@ -67,6 +79,9 @@ pub struct Autopilot {
 pub struct Flight<'a> {
     /// The vehicle and its equipment.
     pub simulator: Simulator<'a>,
+    /// A signal to add.
+    pub excitation: Option<Excitation>,
+    probe: [f64; 2],
     maneuver: &'a Maneuver,
     controller: Option<Controller>,
     stick_limits: [[f64; 2]; 4],
@@ -121,6 +136,8 @@ impl<'a> Flight<'a> {
         }
         Ok(Self {
             simulator,
+            excitation: None,
+            probe: [0.0; 2],
             maneuver,
             controller,
             stick_limits,
@@ -134,16 +151,40 @@ impl<'a> Flight<'a> {
     /// Measures, and gives the sticks of this period.
     pub fn decide(&mut self) {
         let time = self.simulator.time();
-        let measurement = self.simulator.measure();
+        let mut measurement = self.simulator.measure();
         self.demand = self.maneuver.demand(time, &self.held);
+        match self.excitation {
+            Some(Excitation::Measurement(axis, input)) => {
+                let added = input.at(time);
+                let angle = attitude(&mut measurement, axis);
+                *angle += added;
+                self.probe = [added, *angle];
+            }
+            Some(Excitation::Command(axis, input)) => {
+                let added = input.at(time);
+                if let Some(Horizontal::Attitude { roll, pitch }) =
+                    self.demand.as_mut().map(|demand| &mut demand.horizontal)
+                {
+                    *(if axis == Axis::Roll { roll } else { pitch }) += added;
+                }
+                self.probe = [added, *attitude(&mut measurement, axis)];
+            }
+            _ => {}
+        }
         let base = match (&mut self.controller, &self.demand) {
             (Some(controller), Some(demand)) => controller.step(&measurement, demand),
             _ => self.trim_sticks,
         };
-        let inputs = self.maneuver.inputs(time);
+        let mut inputs = self.maneuver.inputs(time);
+        if let Some(Excitation::Stick(input)) = self.excitation {
+            inputs[input.stick] += input.at(time);
+        }
         for (k, stick) in self.sticks.iter_mut().enumerate() {
             let [low, high] = self.stick_limits[k];
             *stick = (base[k] + inputs[k]).clamp(low, high);
+        }
+        if let Some(Excitation::Stick(Input { stick, .. })) = self.excitation {
+            self.probe = [self.sticks[stick], base[stick]];
         }
     }
 
@@ -227,9 +268,22 @@ impl<'a> Flight<'a> {
         self.sticks
     }
 
+    /// Input and output of the excitation at the last decision: on a stick, what
+    /// goes to the actuators and what the law gave, %; on an attitude or its
+    /// command, what was added and the measured attitude, rad.
+    #[must_use]
+    pub fn probe(&self) -> [f64; 2] {
+        self.probe
+    }
+
     /// What is held where nothing is commanded.
     #[must_use]
     pub fn held(&self) -> &Held {
         &self.held
     }
+}
+
+/// The measured attitude of an axis: pitch, or else bank.
+fn attitude(measurement: &mut Measurement, axis: Axis) -> &mut f64 {
+    if axis == Axis::Pitch { &mut measurement.pitch } else { &mut measurement.roll }
 }

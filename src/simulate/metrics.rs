@@ -12,7 +12,7 @@ pub const SCHEMA: &str = "coaxdesign.simulation/1";
 
 /// How long a commanded turn rate must have stood for the turn to be steady,
 /// s.
-const SETTLED: f64 = 2.0;
+const SETTLED: f64 = 2.5;
 /// Speed above which bank is compared with that of a coordinated turn, m/s:
 /// the paper's turn-coordination speed.
 const COORDINATED: f64 = 50.0 * KNOT;
@@ -135,7 +135,7 @@ pub struct Metrics {
     /// Errors against the references of the law.
     pub tracking: Vec<Tracking>,
     /// Error of the heading rate while the commanded one has stood for two
-    /// seconds and is not zero, mean over a revolution, rad/s.
+    /// and a half seconds and is not zero, mean over a revolution, rad/s.
     pub steady_turn_rate_error_rad_s: Option<f64>,
     /// Difference of bank from φ_start + atan(V ψ'/g) above 50 kt, means over
     /// a revolution, rad.

@@ -8,11 +8,15 @@
 //! * [`flight`]: simulator, law and manoeuvre together.
 //! * [`record`]: what a flight leaves behind, row by row.
 //! * [`metrics`]: what a flight amounts to.
+//! * [`identify`]: frequency responses measured in flight.
+//! * [`montecarlo`]: many flights with the aircraft and the air varied.
 
 pub mod equipment;
 pub mod flight;
+pub mod identify;
 pub mod maneuver;
 pub mod metrics;
+pub mod montecarlo;
 pub mod record;
 pub mod simulator;
 pub mod wind;

@@ -61,7 +61,8 @@ impl Recorder {
             }
         }
         for state in &vehicle.layout.states {
-            add(&state.name, shown(state.kind));
+            let rate = ["p", "q", "r"].contains(&state.name.as_str());
+            add(&state.name, if rate { Kind::AngularRate } else { shown(state.kind) });
         }
         for stick in STICKS {
             add(&format!("{stick}_stick"), Kind::Percent);

@@ -180,7 +180,7 @@ impl<'a> Simulator<'a> {
         let wind_mean = to_body(air.velocity(), options.heading, mean[body.roll], mean[body.pitch]);
         let mut measured = [0.0; MEASURED];
         measured[..body.count].copy_from_slice(&mean[..body.count]);
-        measured[MEASURED - 1] = norm(&mean[..3]);
+        measured[MEASURED - 1] = vehicle.navigation(mean)[1];
         for k in 0..3 {
             state[body.velocity + k] += wind[k];
             measured[k] += wind_mean[k];
@@ -345,7 +345,7 @@ impl<'a> Simulator<'a> {
             rates: [p, q, r].map(|x| noisy(x, rate)),
             roll: noisy(roll, attitude),
             pitch: noisy(pitch, attitude),
-            airspeed: noisy(airspeed, speed).max(0.0),
+            airspeed: noisy(airspeed, speed),
         }
     }
 
@@ -416,7 +416,13 @@ impl<'a> Simulator<'a> {
         self.air.advance(time, self.step, airspeed, height, self.heading());
         let mut measured = [0.0; MEASURED];
         measured[..body.count].copy_from_slice(&self.state[..body.count]);
-        measured[MEASURED - 1] = airspeed;
+        let mut air = [0.0; Layout::BODY.count];
+        air.copy_from_slice(&self.state[..body.count]);
+        let wind = self.wind_body();
+        for k in 0..3 {
+            air[body.velocity + k] -= wind[k];
+        }
+        measured[MEASURED - 1] = vehicle.navigation(&air)[1];
         self.filter.advance(measured);
     }
 

@@ -112,6 +112,9 @@ void @P@_reset(@P@_state *state)
         state->model[i] = @ZERO@;
         state->trim_velocity[i] = @ZERO@;
     }
+    for (unsigned int i = 0u; i < 3u; i++) {
+        state->turn[i] = @ZERO@;
+    }
     state->newest = 0u;
     state->velocity_mode = 0u;
     state->started = 0u;
@@ -129,11 +132,18 @@ static void start(@P@_state *state, const @P@_measurement *m, const real *p, rea
             state->history[k][i][VALUE] = now[i];
         }
     }
+    const real st = @SIN@(m->pitch);
+    const real ct = @COS@(m->pitch);
+    const real sp = @SIN@(m->roll);
+    /* Through the air as far as it is known: the forward airspeed is. */
+    const real wind = m->airspeed - ground[0];
+    const real air[2] = { m->velocity_body[0] + (wind * ct), m->velocity_body[1] + (wind * st * sp) };
     for (unsigned int i = 0u; i < 2u; i++) {
         state->velocity_command[i] = ground[i];
         state->trim_velocity[i] = p[@U@_TRIM_VELOCITY + i];
-        state->model[i] = m->velocity_body[i] - p[@U@_TRIM_VELOCITY + i];
+        state->model[i] = air[i] - p[@U@_TRIM_VELOCITY + i];
     }
+    state->turn[VALUE] = ((m->rates[1] * sp) + (m->rates[2] * @COS@(m->roll))) / ct;
     state->started = 1u;
 }
 
@@ -195,6 +205,31 @@ static void change_mode(@P@_state *state, unsigned int velocity_mode, const real
     due[1] = state->history[second][VELOCITY + 1u][VALUE];
 }
 
+/* Horizontal acceleration per attitude of the inverted model at constant
+ * vertical velocity: forward per pitch down, to the right per bank. Gravity
+ * where the model's own is not positive. */
+static void acceleration_per_attitude(const real *p, real per_attitude[2])
+{
+    /* Places among the references of the attitudes that move each velocity. */
+    static const unsigned int ATTITUDE[2] = { PITCH, ROLL };
+    for (unsigned int k = 0u; k < 2u; k++) {
+        real model[2] = { @ZERO@, @ZERO@ };
+        real sum = @ZERO@;
+        for (unsigned int i = 0u; i < 8u; i++) {
+            const real row = p[@U@_GROUND_VELOCITY + (8u * k) + i];
+            model[0] += row * p[@U@_REFERENCE_STATE + (2u * i)];
+            model[1] += row * p[@U@_REFERENCE_STATE + (2u * i) + 1u];
+        }
+        for (unsigned int i = 0u; i < 8u; i++) {
+            const real rate = (model[0] * p[@U@_REFERENCE_DYNAMICS + i])
+                + (model[1] * p[@U@_REFERENCE_DYNAMICS + 8u + i]);
+            sum += rate * p[@U@_REFERENCE_INPUT + (6u * i) + ATTITUDE[k]];
+        }
+        const real own = (k == 0u) ? -sum : sum;
+        per_attitude[k] = (own > (@HALF@ * GRAVITY)) ? own : GRAVITY;
+    }
+}
+
 /* Translational rate command: attitudes from velocities forward and to the
  * right. */
 static void velocity_loops(@P@_state *state, const real *p, const @P@_demand *demand,
@@ -205,7 +240,9 @@ static void velocity_loops(@P@_state *state, const real *p, const @P@_demand *de
      * to do and is forgotten. */
     const real share[2] = { @ONE@, @ONE@ - blend };
     real acceleration[2];
+    real per_attitude[2];
     real limited[2];
+    acceleration_per_attitude(p, per_attitude);
     for (unsigned int k = 0u; k < 2u; k++) {
         const real frequency = (k == 0u) ? PITCH_FREQUENCY : ROLL_FREQUENCY;
         acceleration[k] = held((demand->horizontal[k] - state->velocity_command[k]) * frequency
@@ -215,9 +252,8 @@ static void velocity_loops(@P@_state *state, const real *p, const @P@_demand *de
     }
     for (unsigned int k = 0u; k < 2u; k++) {
         const real *gains = &p[@U@_GAINS + (3u * ROWS[k])];
-        real raw = (acceleration[k] + (gains[K_P] * errors[k])
-                       + (gains[K_I] * state->velocity_integral[k]))
-            / GRAVITY;
+        real raw = (acceleration[k] / per_attitude[k])
+            + (((gains[K_P] * errors[k]) + (gains[K_I] * state->velocity_integral[k])) / GRAVITY);
         if (k == 1u) {
             /* Heading axes turn: holding V_y takes V_x psi' of acceleration. */
             raw += @ATAN@(state->velocity_command[0] * demand->heading_rate / GRAVITY);
@@ -242,6 +278,38 @@ static real cancelled(const real row[8], const real x[8])
         sum += ((j < 3u) ? (row[j] * KAPPA) : row[j]) * x[j];
     }
     return sum;
+}
+
+/* Exact kinematics of the references: in a turn the aircraft also pitches and
+ * rolls; and under a velocity demand its velocities are known, and need no
+ * model of their own. */
+static void refine(@P@_state *state, real ideal[8], const real trim_velocity[3], real wind,
+    real blend)
+{
+    const real sr = @SIN@(state->reference[ROLL][VALUE]);
+    const real cr = @COS@(state->reference[ROLL][VALUE]);
+    const real sp = @SIN@(state->reference[PITCH][VALUE]);
+    const real cp = @COS@(state->reference[PITCH][VALUE]);
+    const real bank_rate = state->reference[ROLL][RATE];
+    const real pitch_rate = state->reference[PITCH][RATE];
+    const real yaw_rate = state->reference[YAW][VALUE];
+    const real turn = (yaw_rate + (pitch_rate * sr)) / (cp * cr);
+    ideal[3] = bank_rate - (turn * sp);
+    ideal[4] = (pitch_rate * cr) + (turn * cp * sr);
+    ideal[5] = yaw_rate;
+    if (state->velocity_mode != 0u) {
+        const real along = state->reference[VELOCITY][VALUE] + wind;
+        const real down = state->reference[HEAVE][VALUE];
+        const real lifted = (along * sp) + (down * cp);
+        /* A coordinated turn leaves no v. */
+        const real across = ((@ONE@ - blend) * state->reference[VELOCITY + 1u][VALUE])
+            - (blend * lifted * sr / cr);
+        ideal[0] = ((along * cp) - (down * sp)) - trim_velocity[0];
+        ideal[1] = ((across * cr) + (lifted * sr)) - trim_velocity[1];
+        ideal[2] = ((lifted * cr) - (across * sr)) - trim_velocity[2];
+        state->model[0] = ideal[0];
+        state->model[1] = ideal[1];
+    }
 }
 
 static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *demand)
@@ -278,9 +346,6 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
     }
     const real roll_command
         = ((@ONE@ - blend) * command[ROLL]) + (blend * (trim_roll + coordinated));
-    /* Heading rate to body yaw rate, at the attitude flown. */
-    const real yaw_command = demand->heading_rate * cp * ct;
-
     /* Command models, and their past. */
     attitude_model(state->reference[ROLL], roll_command, ROLL_FREQUENCY);
     attitude_model(state->reference[PITCH], command[PITCH], PITCH_FREQUENCY);
@@ -292,6 +357,20 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
         attitude_model(
             state->reference[VELOCITY + 1u], state->velocity_command[1], ROLL_FREQUENCY);
     }
+    /* The heading turns no sooner than the bank that must go with it. */
+    attitude_model(state->turn, demand->heading_rate, ROLL_FREQUENCY);
+    const real together = held(YAW_LEAD * m->airspeed / TURN_SPEED, @ZERO@, @ONE@);
+    const real led = state->turn[VALUE] + (YAW_TIME_CONSTANT * state->turn[RATE]);
+    const real heading_rate = ((@ONE@ - together) * demand->heading_rate) + (together * led);
+    /* In a coordinated turn the aircraft rolls about its flight path: to keep v
+     * at zero, rolling with w asks for yaw, p w = r u. */
+    const real slope = (trim_velocity[0] > SLOW)
+        ? (blend * trim_velocity[2] / trim_velocity[0])
+        : @ZERO@;
+    const real *bank = state->reference[ROLL];
+    const real rolling = slope * (bank[RATE] + (YAW_TIME_CONSTANT * bank[ACCELERATION]));
+    /* Heading rate to body yaw rate, at the attitude flown. */
+    const real yaw_command = (heading_rate * cp * ct) + rolling;
     lag_model(state->reference[YAW], yaw_command, YAW_TIME_CONSTANT);
     lag_model(state->reference[HEAVE], demand->vertical_velocity, HEAVE_TIME_CONSTANT);
     state->newest = (state->newest == @U@_DELAY) ? 0u : (state->newest + 1u);
@@ -310,9 +389,12 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
     const real measured_rate[2]
         = { m->rates[0] + (st / ct * ((m->rates[1] * sp) + (m->rates[2] * cp))),
               (m->rates[1] * cp) - (m->rates[2] * sp) };
-    /* Deviation from the trim. */
-    const real x[8] = { m->velocity_body[0] - trim_velocity[0],
-        m->velocity_body[1] - trim_velocity[1], m->velocity_body[2] - trim_velocity[2],
+    /* Deviation from the trim, through the air as far as it is known: the
+     * forward airspeed is. */
+    const real wind = m->airspeed - ground[0];
+    const real x[8] = { (m->velocity_body[0] + (wind * ct)) - trim_velocity[0],
+        (m->velocity_body[1] + (wind * st * sp)) - trim_velocity[1],
+        (m->velocity_body[2] + (wind * st * cp)) - trim_velocity[2],
         m->rates[0], m->rates[1], m->rates[2], m->roll - trim_roll, m->pitch - trim_pitch };
     real errors[4];
     real commanded[4];
@@ -343,10 +425,13 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
         ideal[i] = dot(&p[@U@_REFERENCE_STATE + (2u * i)], state->model, 2u)
             + dot(&p[@U@_REFERENCE_INPUT + (6u * i)], rho, 6u);
     }
-@HYBRID@    for (unsigned int k = 0u; k < 2u; k++) {
-        state->model[k] += STEP
-            * (dot(&p[@U@_REFERENCE_DYNAMICS + (8u * k)], ideal, 8u)
-                + dot(&p[@U@_REFERENCE_DRIVE + (4u * k)], feed, 4u));
+    refine(state, ideal, trim_velocity, wind, blend);
+@HYBRID@    if (velocity_mode == 0u) {
+        for (unsigned int k = 0u; k < 2u; k++) {
+            state->model[k] += STEP
+                * (dot(&p[@U@_REFERENCE_DYNAMICS + (8u * k)], ideal, 8u)
+                    + dot(&p[@U@_REFERENCE_DRIVE + (4u * k)], feed, 4u));
+        }
     }
 
     /* Inversion and limits. */

@@ -35,7 +35,7 @@ typedef struct {
     @P@_real rates[3];         /* p, q, r, rad/s */
     @P@_real roll;             /* bank angle, rad */
     @P@_real pitch;            /* pitch angle, rad */
-    @P@_real airspeed;         /* true, m/s */
+    @P@_real airspeed;         /* forward component of the true airspeed, heading axes, m/s */
 } @P@_measurement;
 
 /* Response type of the horizontal axes. */
@@ -58,6 +58,7 @@ typedef struct {
     @P@_real reference[6][3];
     @P@_real history[@U@_DELAY + 1u][6][2]; /* values and rates, a ring */
     unsigned int newest;
+    @P@_real turn[3];             /* rate of turn as bank can follow it */
     @P@_real velocity_command[2]; /* lags of the commands forward and to the right */
     unsigned int velocity_mode;   /* whether the last step was under a velocity demand */
     @P@_real integral[4];

@@ -1,0 +1,240 @@
+//! Many flights of one manoeuvre with the aircraft and the air varied.
+//!
+//! Variations are drawn by a Latin hypercube: each parameter's range is cut
+//! into as many equal parts as there are runs, and every part is used once.
+//! Run k of n with a seed is the same whichever other runs are flown, by
+//! whichever machine.
+
+use crate::problem::Problem;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::{Deserialize, Serialize};
+
+/// How the flown model differs from the problem's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variation {
+    /// Rotor-on-rotor interactions, if not the problem's.
+    pub interactions: Option<bool>,
+    /// Factor on the mass.
+    pub mass: f64,
+    /// Factor on the moments and products of inertia.
+    pub inertia: f64,
+    /// Shift of the centre of gravity aft, m.
+    pub center_of_gravity: f64,
+    /// Delay on top, s.
+    pub delay: f64,
+    /// Wind at 20 ft that sets the turbulence, m/s, if not the manoeuvre's.
+    pub turbulence: Option<f64>,
+}
+
+impl Default for Variation {
+    fn default() -> Self {
+        Self {
+            interactions: None,
+            mass: 1.0,
+            inertia: 1.0,
+            center_of_gravity: 0.0,
+            delay: 0.0,
+            turbulence: None,
+        }
+    }
+}
+
+impl Variation {
+    /// The problem, varied.
+    #[must_use]
+    pub fn apply(&self, problem: &Problem) -> Problem {
+        let mut problem = problem.clone();
+        let m = &mut problem.mass;
+        m.mass *= self.mass;
+        for value in [&mut m.i_xx, &mut m.i_yy, &mut m.i_zz, &mut m.i_xz, &mut m.i_xy, &mut m.i_yz]
+        {
+            *value *= self.inertia;
+        }
+        m.center_of_gravity.fuselage_station += self.center_of_gravity;
+        if let Some(on) = self.interactions {
+            problem.inflow.interactions = on;
+        }
+        problem
+    }
+}
+
+/// Ranges that the parameters are drawn from, evenly.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ranges {
+    /// Mass off nominal, either way, as a fraction.
+    pub mass: f64,
+    /// Inertia off nominal, either way, as a fraction.
+    pub inertia: f64,
+    /// Shift of the centre of gravity, either way, m.
+    pub center_of_gravity: f64,
+    /// Largest extra delay, s.
+    pub delay: f64,
+    /// Largest wind at 20 ft for turbulence, m/s; zero keeps the manoeuvre's
+    /// own.
+    pub turbulence: f64,
+}
+
+impl Default for Ranges {
+    /// 10 % of mass and inertia, one inch, 10 ms, light turbulence (15 kt).
+    fn default() -> Self {
+        Self {
+            mass: 0.1,
+            inertia: 0.1,
+            center_of_gravity: 0.0254,
+            delay: 0.01,
+            turbulence: 15.0 * crate::units::KNOT,
+        }
+    }
+}
+
+/// Number of parameters drawn.
+const PARAMETERS: u64 = 5;
+
+/// The variation of run `index` of `runs`, and the seed of its noise and
+/// turbulence.
+#[must_use]
+pub fn draw(index: usize, runs: usize, seed: u64, ranges: &Ranges) -> (Variation, u64) {
+    let share = |parameter: u64| {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        generator.set_stream(2 + parameter);
+        // Fisher and Yates's shuffle: the part of the range that this run has.
+        let mut parts: Vec<usize> = (0..runs).collect();
+        for k in (1..runs).rev() {
+            let other = (generator.next_u64() % (k as u64 + 1)) as usize;
+            parts.swap(k, other);
+        }
+        // Anywhere within the part, drawn by a stream of the run's own.
+        let mut within = ChaCha8Rng::seed_from_u64(seed);
+        within.set_stream((1 + index as u64) * (2 + PARAMETERS) + parameter + 2);
+        let fraction = (within.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        (parts[index] as f64 + fraction) / runs as f64
+    };
+    let either = |parameter: u64, range: f64| (2.0 * share(parameter) - 1.0) * range;
+    let variation = Variation {
+        interactions: None,
+        mass: 1.0 + either(0, ranges.mass),
+        inertia: 1.0 + either(1, ranges.inertia),
+        center_of_gravity: either(2, ranges.center_of_gravity),
+        delay: share(3) * ranges.delay,
+        turbulence: (ranges.turbulence > 0.0).then(|| share(4) * ranges.turbulence),
+    };
+    let mut own = ChaCha8Rng::seed_from_u64(seed);
+    own.set_stream(u64::MAX - index as u64);
+    // Within what a JSON number holds exactly.
+    (variation, own.next_u64() >> 11)
+}
+
+/// What a run amounts to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Run {
+    /// Which, from 0.
+    pub run: usize,
+    /// Seed of its noise and turbulence.
+    pub seed: u64,
+    /// How its model differs.
+    pub variation: Variation,
+    /// `completed`, `limit`, `diverged` or `no_trim`.
+    pub status: String,
+    /// The state that left its bounds, or the trim's reason.
+    pub state: Option<String>,
+    /// When it ended, s.
+    pub time_s: f64,
+    /// Peak errors of forward, starboard and vertical velocity, m/s.
+    pub velocity_peak_m_s: [f64; 3],
+    /// RMS errors of the same, m/s.
+    pub velocity_rms_m_s: [f64; 3],
+    /// Largest bank and pitch either way, rad.
+    pub attitude_peak_rad: [f64; 2],
+    /// Time at actuator limits, s.
+    pub saturated_s: f64,
+    /// Whether it counts as a success.
+    pub success: bool,
+}
+
+/// What makes a run a success.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Criterion {
+    /// Largest peak error of any velocity, m/s.
+    pub velocity_peak: f64,
+    /// Longest time at actuator limits, s.
+    pub saturated: f64,
+}
+
+impl Criterion {
+    /// Whether a run meets it.
+    #[must_use]
+    pub fn met(&self, run: &Run) -> bool {
+        run.status == "completed"
+            && run.velocity_peak_m_s.iter().all(|peak| *peak <= self.velocity_peak)
+            && run.saturated_s <= self.saturated
+    }
+}
+
+/// Wilson's score interval of a success rate at a normal quantile (1.96 for
+/// 95 %): E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
+#[must_use]
+pub fn wilson(successes: usize, runs: usize, quantile: f64) -> [f64; 2] {
+    if runs == 0 {
+        return [0.0, 1.0];
+    }
+    let (n, z2) = (runs as f64, quantile * quantile);
+    let p = successes as f64 / n;
+    let middle = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
+    let half = quantile / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+    [(middle - half).max(0.0), (middle + half).min(1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// Every part of every range is used once, and a run does not depend on
+    /// which others are drawn.
+    #[test]
+    fn latin_hypercube_uses_every_part_once() {
+        let (runs, ranges) = (40, Ranges::default());
+        let draws: Vec<Variation> = (0..runs).map(|k| draw(k, runs, 5, &ranges).0).collect();
+        let part = |value: f64, low: f64, high: f64| {
+            ((value - low) / (high - low) * runs as f64).floor() as usize
+        };
+        let mut seen = vec![[false; 3]; runs];
+        for v in &draws {
+            seen[part(v.mass, 0.9, 1.1)][0] = true;
+            seen[part(v.delay, 0.0, 0.01)][1] = true;
+            seen[part(v.turbulence.unwrap(), 0.0, ranges.turbulence)][2] = true;
+        }
+        assert!(seen.iter().flatten().all(|s| *s));
+        // Parameters are not tied to one another.
+        let mean = draws.iter().map(|v| (v.mass - 1.0) * (v.inertia - 1.0)).sum::<f64>();
+        assert!((mean / runs as f64).abs() < 0.25 * 0.1 * 0.1);
+        assert_eq!(draw(7, runs, 5, &ranges), draw(7, runs, 5, &ranges));
+        assert_ne!(draw(7, runs, 6, &ranges).0, draws[7]);
+        let seeds: std::collections::BTreeSet<u64> =
+            (0..runs).map(|k| draw(k, runs, 5, &ranges).1).collect();
+        assert_eq!(seeds.len(), runs);
+    }
+
+    /// The interval's ends p solve |p̂ − p| = z √(p(1 − p)/n), Wilson's
+    /// definition.
+    #[test]
+    fn wilson_solves_its_definition() {
+        for (successes, runs) in [(0, 10), (3, 10), (95, 100), (200, 200)] {
+            let [low, high] = wilson(successes, runs, 1.96);
+            let rate = successes as f64 / runs as f64;
+            assert!(low <= rate && rate <= high);
+            for p in [low, high] {
+                if p > 0.0 && p < 1.0 {
+                    let spread = 1.96 * (p * (1.0 - p) / runs as f64).sqrt();
+                    assert_relative_eq!((rate - p).abs(), spread, max_relative = 1e-9);
+                }
+            }
+        }
+        assert_eq!(wilson(0, 0, 1.96), [0.0, 1.0]);
+    }
+}
