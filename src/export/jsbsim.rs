@@ -493,12 +493,13 @@ fn law(w: &mut Writer) {
     let asked: [X; 2] = std::array::from_fn(|k| {
         pick(in_velocity.clone(), from_velocity[k].clone(), input(w, &format!("command-{}", k + 1)))
     });
-    let coordinated = op("atan", &[over(product(&[airspeed, heading_rate.clone()]), v(gravity))]);
+    let coordinated =
+        op("atan", &[over(product(&[airspeed.clone(), heading_rate.clone()]), v(gravity))]);
     let roll_command = w.set(
         "command/phi",
         &sum(&[
             product(&[minus(v(1.0), blend.clone()), asked[0].clone()]),
-            product(&[blend, sum(&[trim_roll.clone(), coordinated])]),
+            product(&[blend.clone(), sum(&[trim_roll.clone(), coordinated])]),
         ]),
     );
     let pitch_command = w.set("command/theta", &asked[1]);
