@@ -28,8 +28,8 @@
 //! φ_c' = (1 − b) φ_c + b (φ_trim + atan(V ψ'_c/g)). It hands over from one to
 //! the other without a step, because both ask for the same bank. So that yaw
 //! and bank go into a turn together, the yaw command is led through the
-//! attitude command model as the speed nears the turn-coordination speed, and
-//! its own lag is made up for.
+//! attitude command model as the speed nears half the turn-coordination speed,
+//! and its own lag is made up for.
 //!
 //! Under a velocity command the schedule is read at the speed of the
 //! reference, not of the aircraft. Read at the speed that is flown, the trim
@@ -485,7 +485,7 @@ impl Controller {
         }
         // The heading turns no sooner than the bank that must go with it.
         attitude(&mut self.turn, demand.heading_rate, settings.roll_frequency);
-        let together = (m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
+        let together = (2.0 * m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
         let led = self.turn.value + settings.yaw_time_constant * self.turn.rate;
         let heading_rate = (1.0 - together) * demand.heading_rate + together * led;
         // In a coordinated turn the aircraft rolls about its flight path: to
