@@ -10,8 +10,10 @@ fn git(arguments: &[&str]) -> Option<String> {
 
 fn main() {
     let version = std::env::var("CARGO_PKG_VERSION").unwrap_or_default();
+    // Following every commit would cost a build a commit: only releases do.
+    let release = std::env::var("PROFILE").is_ok_and(|profile| profile == "release");
     // A package inside another project's history has no commit of its own.
-    let own = git(&["ls-files", "--error-unmatch", "build.rs"]).is_some();
+    let own = release && git(&["ls-files", "--error-unmatch", "build.rs"]).is_some();
     let commit = git(&["rev-parse", "--short=12", "HEAD"]).filter(|_| own);
     let long = commit.map_or_else(|| version.clone(), |commit| format!("{version} ({commit})"));
     println!("cargo::rustc-env=COAXDESIGN_VERSION={long}");

@@ -13,6 +13,91 @@
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
+//!
+//! # From a file to a flight
+//!
+//! A problem file becomes a vehicle, the vehicle a trim, the trim a linear
+//! model. Inside the library every number is SI and radians; [`units`] has the
+//! constants for everything else.
+//!
+//! ```
+//! use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
+//! use coaxdesign::linear::modes::modes;
+//! use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
+//! use coaxdesign::trim::{self, FlightCondition, Guess};
+//! use coaxdesign::units::{HORSEPOWER, KNOT};
+//! use coaxdesign::{problem, vehicle::Vehicle};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let loaded = problem::builtin()?;
+//! let vehicle = Vehicle::new(&loaded.problem)?;
+//!
+//! let condition = FlightCondition::level(40.0 * KNOT);
+//! let guess = Guess::estimate(&vehicle, &condition);
+//! let point = trim::trim(&vehicle, condition, &guess, &trim::Options::default());
+//! assert!(point.power.shaft < 50.0 * HORSEPOWER);
+//!
+//! // Only a trim that has converged can be linearised.
+//! let trim = point.into_converged().map_err(|point| format!("{:?}", point.status))?;
+//! let full = averaged(&vehicle, &trim, &LinearOptions::default())?;
+//! let reduced = residualise(&full, &RIGID_BODY)?.model;
+//! assert_eq!(reduced.states().len(), 8);
+//! assert!(modes(&reduced)?.iter().any(|mode| mode.oscillates()));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A specification says what the gains must meet; tuning makes a law of it,
+//! and verification looks at that law by other means.
+//!
+//! ```no_run
+//! use coaxdesign::control::{design::design, models::build, spec, verify::verify};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let problem = coaxdesign::problem::builtin()?.problem;
+//! let spec = spec::builtin()?;
+//! let plants = build(&problem, &spec.models, &spec.speeds, &|| {})?.set;
+//! let law = design(&spec, &plants, &[], &[])?.table;
+//! let verification = verify(&law, &plants, &spec.hardware, &spec)?;
+//! println!("met: {}", verification.passed);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! What a tuning leaves behind is a schedule, which can be read back and flown.
+//!
+//! ```
+//! use coaxdesign::control::axis::Channel;
+//! use coaxdesign::schedule::Schedule;
+//! use coaxdesign::units::KNOT;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let text = std::fs::read_to_string("designs/coax2d/schedule.json")?;
+//! let law = Schedule::from_json(&text)?.law()?;
+//! // Between breakpoints everything is interpolated linearly in airspeed.
+//! let [at, low, high] = [25.0, 20.0, 30.0].map(|knots| {
+//!     law.at(knots * KNOT).gains[Channel::Roll.index()].k_p
+//! });
+//! assert!((at - 0.5 * (low + high)).abs() < 1e-9);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Reports draw what they are given, as text, SVG or one HTML page.
+//!
+//! ```
+//! use coaxdesign::report::html::{Page, Section};
+//! use coaxdesign::report::plot::{Axis, Figure, Panel, Series};
+//!
+//! let power = Panel::new(Axis::linear("airspeed", "kt"), Axis::linear("power", "hp"))
+//!     .line(Series::new("interactions on", &[0.0, 40.0, 80.0], &[76.0, 40.0, 107.0]).marks());
+//! let page = Page::new("A rotorcraft")
+//!     .section(Section::new("Trim").figure(Figure::new("Power").panel(power), "Level flight."));
+//! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
+//! ```
+//!
+//! `examples/own_rotorcraft.rs` does the first of these for a helicopter with
+//! main and tail rotor.
 
 pub mod cli;
 pub mod control;

@@ -210,11 +210,12 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
     }
 }
 
-/// Over all ten speeds and four axes, tuned jointly: no pole placement of a
-/// thousand meets the exact metrics with less activity.
+/// Over ten speeds and four axes, tuned jointly: no pole placement of a
+/// thousand meets the exact metrics with less activity. Gains are not held
+/// together over speed here, as a pole placement at each speed is not either.
 #[test]
 fn tuning_beats_a_thousand_pole_placements_everywhere() {
-    let speeds: Vec<f64> = (0..10).map(|k| 6.5 * f64::from(k)).collect();
+    let speeds: Vec<f64> = (0..10).map(|k| 8.5 * f64::from(k)).collect();
     let set = testbed::model_set(&speeds, false);
     let specs = specs();
     let problem = TuningProblem {
@@ -223,11 +224,11 @@ fn tuning_beats_a_thousand_pole_placements_everywhere() {
         hardware: testbed::HARDWARE,
         settings: SETTINGS,
         channels: specs.clone(),
-        options: TuningOptions::default(),
+        options: TuningOptions { smoothing: 0.0, ..TuningOptions::default() },
     };
     let tuned = problem.tune(None).unwrap();
     let grid: Arc<[f64]> = default_grid(0.01, 60.0, 300).into();
-    let mut compared = 0;
+    let (mut compared, mut lost) = (0, Vec::new());
     for (v, speed) in speeds.iter().enumerate() {
         let model = LoopModel::new(
             &set.plants[v][0],
@@ -243,21 +244,17 @@ fn tuning_beats_a_thousand_pole_placements_everywhere() {
             let x = tuned.gains[v][channel.index()].values(*channel);
             let (activity, bad) = judge(&l, spec, &x, &x);
             let placed = pole_placements(&l, spec, &x);
-            println!(
-                "{channel} at {speed} m/s: tuned {activity:.3} (missed by {bad:.1e}), placed {placed:.3}"
+            let line = format!(
+                "{channel} at {speed} kt: tuned {activity:.3} (missed by {bad:.1e}), best placed \
+                 {placed:.3}"
             );
-            if placed.is_finite() {
-                compared += 1;
-                assert!(
-                    bad < 1e-3,
-                    "{channel} at {speed} m/s: placed {placed}, tuned misses {bad}"
-                );
-                assert!(
-                    activity <= placed * 1.001,
-                    "{channel} at {speed} m/s: pole placement wins"
-                );
+            println!("{line}");
+            compared += usize::from(placed.is_finite());
+            if placed.is_finite() && (bad > 1e-3 || activity > placed * 1.001) {
+                lost.push(line);
             }
         }
     }
     assert!(compared >= 20, "only {compared} cases have a pole placement to compare with");
+    assert!(lost.is_empty(), "pole placement wins:\n{}", lost.join("\n"));
 }

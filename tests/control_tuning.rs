@@ -168,7 +168,7 @@ fn robust_tuning_meets_off_nominal_margins() {
 #[test]
 fn regress_loop_outside_its_speed_range_is_left_open() {
     let spec = with(|s| s.channels.retain(|c| c.channel != Channel::Vx));
-    let (nodes, _) = sets(&[40.0]);
+    let (nodes, _) = sets(&[70.0]);
     let d = design(&spec, &nodes, &[], &[]).unwrap();
     let gains = d.table.points()[0].gains;
     assert_eq!(gains[Channel::Vy.index()], Default::default());

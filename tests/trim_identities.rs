@@ -4,6 +4,7 @@
 
 mod common;
 
+use approx::assert_relative_eq;
 use coaxdesign::problem::{Governor, Problem};
 use coaxdesign::trim::shooting::Shooting;
 use coaxdesign::trim::{FlightCondition, Guess, Lateral, Options, Status, TrimPoint, sweep, trim};
@@ -224,6 +225,30 @@ fn shaft_power_is_accounted_for() {
                 (point.power.climb - vehicle.mass * GRAVITY * condition.climb_rate).abs() < 1.0
             );
         }
+    }
+}
+
+/// Small-angle loads do the same work: lift none, drag along the blade's motion.
+#[test]
+fn small_angle_loads_keep_the_balance_of_power() {
+    let mut p = coarsened(problem("coax2d"));
+    for rotor in &mut p.rotors {
+        rotor.airfoil = common::small_angles(6.2, 0.009);
+    }
+    let vehicle = vehicle(&p);
+    let exact = {
+        for rotor in &mut p.rotors {
+            rotor.airfoil = common::analytic(6.2, 0.009);
+        }
+        common::vehicle(&p)
+    };
+    for (what, condition) in manoeuvres() {
+        let point = trimmed(&vehicle, condition, &Options::default());
+        let imbalance = point.power.imbalance();
+        assert!(imbalance.abs() < 1e-6, "{what}: {imbalance:.1e}");
+        // The flow is shallow but near the root: a few percent of the power.
+        let full = trimmed(&exact, condition, &Options::default());
+        assert_relative_eq!(point.power.shaft, full.power.shaft, max_relative = 0.05);
     }
 }
 

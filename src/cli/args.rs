@@ -10,6 +10,9 @@ use super::{CliError, Outcome};
 use crate::problem::{self, Loaded};
 use crate::units::System;
 
+/// Environment variable that a design sets for its stages.
+pub(super) const STAGE: &str = "COAXDESIGN_STAGE";
+
 /// The problem to work on.
 #[derive(Debug, Clone, Args)]
 pub struct ProblemArgs {
@@ -43,7 +46,8 @@ impl ProblemArgs {
     /// As [`ProblemArgs::load`].
     pub fn load_with_warnings(&self, quiet: bool) -> Result<Loaded, CliError> {
         let loaded = self.load()?;
-        if !quiet {
+        // A design has shown them once for all its stages.
+        if !quiet && std::env::var_os(STAGE).is_none() {
             for warning in &loaded.warnings {
                 output::note(&(warning.render(color()) + "\n"));
             }

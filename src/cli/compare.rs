@@ -304,7 +304,7 @@ fn table(subjects: &[Subject], conditions: &[FlightCondition], system: System) -
             Kind::Power.symbol(system),
             point(&|p| Kind::Power.from_si(p.power.shaft, system), 4),
         );
-        row(&format!("pitch attitude {at}"), "deg", { point(&|p| attitude(p)[1].to_degrees(), 3) });
+        row(&format!("pitch attitude {at}"), "deg", point(&|p| attitude(p)[1].to_degrees(), 3));
         row(&format!("collective stick {at}"), "%", point(&|p| p.sticks[2], 3));
         row(&format!("least control margin {at}"), "%", {
             each(&|s| {

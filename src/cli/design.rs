@@ -13,7 +13,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use super::args::{ProblemArgs, Units, UnitsArgs};
+use super::args::{ProblemArgs, STAGE, Units, UnitsArgs};
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
@@ -23,6 +23,8 @@ use crate::schedule::hash;
 
 /// Schema of `design.json`.
 const SCHEMA: &str = "coaxdesign.design/1";
+/// The manoeuvre that every design flies: that of the reference paper's Fig. 17.
+const MANEUVER: &str = "accel-climb-turn";
 /// The note of a design.
 const NOTE: &str = "design.json";
 
@@ -113,8 +115,10 @@ struct Stage {
     arguments: Vec<String>,
     /// Further arguments: files.
     files: Vec<String>,
+    /// Whether the specification matters to it.
+    specified: bool,
     /// Files of the design that it reads.
-    reads: Vec<&'static str>,
+    reads: Vec<String>,
     /// Files of the design that it writes.
     writes: Vec<String>,
 }
@@ -265,6 +269,7 @@ impl Design {
     fn stages(&self, breakpoints: &str) -> Vec<Stage> {
         let text = |words: &[&str]| words.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
         let path = |name: &str| self.output.join(name).display().to_string();
+        let flight = format!("{}/{MANEUVER}.json", super::report::FLIGHTS);
         let problem = self
             .problem
             .file
@@ -298,6 +303,7 @@ impl Design {
                     units,
                 ]),
                 files: vec![problem.clone(), "-o".into(), path("trim.json")],
+                specified: false,
                 reads: vec![],
                 writes: vec!["trim.json".into()],
             },
@@ -314,7 +320,8 @@ impl Design {
                     "--units",
                     "si",
                 ]),
-                files: vec![problem, "-o".into(), path("models.json")],
+                files: vec![problem.clone(), "-o".into(), path("models.json")],
+                specified: false,
                 reads: vec![],
                 writes: vec!["models.json".into()],
             },
@@ -322,14 +329,30 @@ impl Design {
                 name: "gains",
                 arguments: text(&["tune-gains"]),
                 files: gains,
+                specified: true,
                 reads: vec![],
                 writes: text(&["schedule.json", "verification.json"]),
+            },
+            Stage {
+                name: "simulation",
+                arguments: text(&["simulate", "-m", MANEUVER, "--interval", "0.05 s"]),
+                files: vec![
+                    self.output.display().to_string(),
+                    "--problem".into(),
+                    problem.clone(),
+                    "-o".into(),
+                    path(&flight),
+                ],
+                specified: false,
+                reads: text(&["schedule.json"]),
+                writes: vec![flight.clone()],
             },
             Stage {
                 name: "report",
                 arguments: text(&["report", "--speeds", &self.speeds, "--units", units]),
                 files: report,
-                reads: vec!["schedule.json", "verification.json"],
+                specified: true,
+                reads: text(&["schedule.json", "verification.json", &flight]),
                 writes: vec!["report.html".into()],
             },
         ]
@@ -349,13 +372,14 @@ impl Design {
         let program = std::env::current_exe()
             .map_err(|source| CliError::Io { path: "this program".into(), source })?;
         let mut process = Process::new(&program);
-        process.args(stage.command().split_off(1)).arg("--force");
+        process.args(stage.command().split_off(1)).arg("--force").env(STAGE, stage.name);
         if self.quiet {
             process.arg("--quiet");
         }
         if let Some(threads) = self.threads {
             process.args(["--threads", &threads.to_string()]);
         }
+        tracing::info!(stage = stage.name, command = stage.line(), "run");
         // Tables are in the report; messages are for whoever waits.
         let status = process
             .stdin(Stdio::null())
@@ -404,12 +428,16 @@ impl Stage {
 
     /// Hash of all that the stage is made from: program, choices, problem,
     /// specification, files of earlier stages.
-    fn key(&self, directory: &Path, sources: &[String]) -> String {
+    fn key(&self, directory: &Path, sources: &[String; 2]) -> String {
         let mut parts = vec![version::LONG.to_string()];
         parts.extend(self.arguments.iter().cloned());
-        parts.extend(sources.iter().cloned());
+        let [problem, specification] = sources;
+        parts.push(problem.clone());
+        if self.specified {
+            parts.push(specification.clone());
+        }
         for file in &self.reads {
-            parts.push((*file).into());
+            parts.push(file.clone());
             parts.push(hash_of(&directory.join(file)).unwrap_or_default());
         }
         hash(parts.iter().map(String::as_str))
@@ -485,7 +513,8 @@ mod tests {
             name: "report",
             arguments: vec!["report".into(), argument.into()],
             files: vec![],
-            reads: vec!["schedule.json"],
+            specified: argument != "unspecified",
+            reads: vec!["schedule.json".into()],
             writes: vec!["report.html".into()],
         };
         let sources = ["a".to_string(), "b".to_string()];
@@ -494,7 +523,9 @@ mod tests {
         let first = key("x", &sources);
         assert_eq!(first, key("x", &sources));
         assert_ne!(first, key("y", &sources));
-        assert_ne!(first, key("x", &["a".to_string(), "c".to_string()]));
+        let respecified = ["a".to_string(), "c".to_string()];
+        assert_ne!(first, key("x", &respecified));
+        assert_eq!(key("unspecified", &sources), key("unspecified", &respecified));
         std::fs::write(directory.path().join("schedule.json"), "{}").unwrap();
         assert_ne!(first, key("x", &sources));
     }

@@ -37,6 +37,17 @@ pub use error::{CliError, Outcome};
 
 /// Exit codes, for `--help` and the manual page.
 const EXIT_CODES: &str = "\
+First steps:
+  coaxdesign trim                        trim the built-in CoAX 2D from 0 to 90 kt
+  coaxdesign new mine.toml               a commented file to start from
+  coaxdesign check mine.toml             what was understood of it
+  coaxdesign design mine.toml -o DIR     the whole way to a verified, flown gain schedule
+  coaxdesign report DIR                  look at it
+
+Environment:
+  NO_COLOR   no colours, if set
+  RUST_LOG   what is being done, on standard error: error, warn, info, debug
+
 Exit codes:
    0  done
    1  the computation ran but did not reach its goal, for example a trim that did not converge
@@ -126,6 +137,7 @@ impl Command {
 /// scripts can tell it from bad input.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    trace();
     let code = match std::panic::catch_unwind(|| cli.command.run()) {
         Ok(Ok(outcome)) => outcome.exit_code(),
         Ok(Err(error)) => {
@@ -138,6 +150,22 @@ pub fn main() -> ExitCode {
         }
     };
     ExitCode::from(code)
+}
+
+/// Shows on standard error what `RUST_LOG` asks for, such as `debug` or
+/// `coaxdesign::cli::trim=debug`; nothing without it.
+fn trace() {
+    use tracing_subscriber::EnvFilter;
+    if std::env::var_os("RUST_LOG").is_none_or(|value| value.is_empty()) {
+        return;
+    }
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    // A second subscriber in one process is refused, and the first stays.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .with_ansi(!plain && std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .try_init();
 }
 
 #[cfg(test)]

@@ -107,7 +107,10 @@ impl WholeFile {
             file.persist_noclobber(&target)
         };
         match persisted {
-            Ok(_) => Ok(()),
+            Ok(_) => {
+                tracing::info!(path = %path.display(), "written");
+                Ok(())
+            }
             Err(error) if error.error.kind() == ErrorKind::AlreadyExists => {
                 Err(CliError::Exists { path })
             }

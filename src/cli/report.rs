@@ -1,6 +1,7 @@
 //! `coaxdesign report`.
 
 pub(super) mod gather;
+mod maneuvers;
 mod sections;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +15,8 @@ use crate::problem::{self, Loaded};
 use crate::report::html::Page;
 use crate::schedule::{Schedule, hash};
 use gather::{Checked, Study};
+pub(super) use maneuvers::DIRECTORY as FLIGHTS;
+use maneuvers::Flown;
 
 /// Write a design as one HTML page: trim, models, law, margins, gains, provenance
 ///
@@ -80,6 +83,8 @@ pub(super) struct Inputs {
     pub schedule: Schedule,
     /// Its verification, if one is there.
     pub checked: Option<Checked>,
+    /// Flights under it, if any are there.
+    pub flights: Vec<Flown>,
     /// The problem.
     pub loaded: Loaded,
     /// Name or path of the problem, as it is shown.
@@ -125,7 +130,8 @@ impl Inputs {
             |path| path.display().to_string(),
         );
         let spec = super::tune::SpecArgs::of(spec_path).load()?;
-        Ok(Self { schedule, checked, loaded, problem_name, spec, spec_name })
+        let flights = maneuvers::read(directory, &schedule)?;
+        Ok(Self { schedule, checked, flights, loaded, problem_name, spec, spec_name })
     }
 }
 
@@ -177,6 +183,9 @@ pub(super) fn page(
         .section(sections::gains(inputs, &study, system)?);
     if let Some(section) = sections::verification(inputs, &study, system)? {
         page = page.section(section);
+    }
+    if !inputs.flights.is_empty() {
+        page = page.section(maneuvers::section(&inputs.flights, system));
     }
     Ok(page.section(sections::provenance(inputs)).to_html())
 }

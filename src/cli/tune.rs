@@ -684,6 +684,11 @@ pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
     text
 }
 
+/// Decibels of a factor without the last digits' noise, for labels.
+fn tidy_decibels(factor: f64) -> f64 {
+    (crate::control::metrics::decibels(factor) * 1e9).round() / 1e9
+}
+
 /// Most speeds in one plot of loops.
 const MOST_CURVES: usize = 4;
 
@@ -795,7 +800,7 @@ pub(super) fn figures(
         }
         let t = &c.spec.nominal;
         let region = ExclusionRegion {
-            gain_margin_db: crate::control::metrics::decibels(t.gain_up),
+            gain_margin_db: tidy_decibels(t.gain_up),
             phase_margin_deg: t.phase.to_degrees(),
         };
         let title = format!("{} loop, nominal model", c.channel);
@@ -803,7 +808,7 @@ pub(super) fn figures(
         sensitivities.push(SensitivityPanel {
             title: c.channel.name().into(),
             bandwidth_spec: t.drb,
-            peak_spec_db: t.drp.map(crate::control::metrics::decibels),
+            peak_spec_db: t.drp.map(tidy_decibels),
             responses: rejections,
         });
     }

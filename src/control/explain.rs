@@ -11,7 +11,9 @@ use super::metrics::{decibels, from_decibels};
 use super::plant::{ModelClass, Plant};
 use super::spec::{ChannelRequirement, Specification};
 pub use super::tuning::Target;
-use super::tuning::{ChannelProblem, ChannelSpec, LoopSet, Merit, Price, TuningError};
+use super::tuning::{
+    ChannelProblem, ChannelSpec, LoopSet, Merit, Price, TuningError, equivalent_delay, start_gains,
+};
 use serde::{Deserialize, Serialize};
 
 impl Target {
@@ -137,21 +139,42 @@ pub fn explain(
     let models = LoopSet { nodes: vec![vec![model]], between: Vec::new() };
     let start =
         if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
+    // Gains that strain for what cannot be had are a bad start for what can.
+    let delay = equivalent_delay(plant, &point.inversion, channel.axis(), &spec.hardware)?;
+    let mut fresh = start;
+    fresh[channel.index()] = start_gains(channel, delay, requirement.spec.integral_ratio);
+    let mut slow = start;
+    slow[channel.index()] = start_gains(channel, 2.0 * delay, requirement.spec.integral_ratio);
     let solve = |channel_spec: &ChannelSpec, priced: bool| {
-        let mut gains: Vec<GainSet> = vec![start];
-        let mut problem = ChannelProblem::new(
-            channel,
-            channel_spec,
-            &[ModelClass::Nominal],
-            &models,
-            &[plant.speed],
-            &gains,
-            1.0,
-            &spec.solver,
-        );
-        let merit = problem.run(&mut gains)?;
-        let prices = if priced { problem.prices(&gains)? } else { Vec::new() };
-        Ok::<(Merit, Vec<Price>), TuningError>((merit, prices))
+        let mut best: Option<(Merit, Vec<Price>)> = None;
+        for first in [start, fresh, slow] {
+            let mut gains: Vec<GainSet> = vec![first];
+            let mut problem = ChannelProblem::new(
+                channel,
+                channel_spec,
+                &[ModelClass::Nominal],
+                &models,
+                &[plant.speed],
+                &gains,
+                1.0,
+                &spec.solver,
+            );
+            // As many unstable poles as the design, or not at all.
+            let (x, reference) = (problem.values(&gains), problem.values(&[start]));
+            if problem.merit(&x, Some(&reference)).is_none() {
+                continue;
+            }
+            let merit = problem.run(&mut gains)?;
+            let prices = if priced { problem.prices(&gains)? } else { Vec::new() };
+            let worst = merit.worst();
+            if best.as_ref().is_none_or(|b| worst < b.0.worst()) {
+                best = Some((merit, prices));
+            }
+            if worst < MET {
+                break;
+            }
+        }
+        best.ok_or(TuningError::Empty("no start was tried"))
     };
     let tuned = requirement.tuned();
     let (base, prices) = solve(&tuned, true)?;

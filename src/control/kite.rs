@@ -13,6 +13,8 @@ pub struct Kite {
     /// Change of each vertex with the phase margin, 1/rad, and with the
     /// logarithm of both gain margins.
     slopes: Vec<[C; 2]>,
+    /// Distance of the farthest vertex from −1.
+    radius: f64,
     /// Outward unit normal of the edge from each vertex to the next.
     normals: Vec<C>,
 }
@@ -56,7 +58,8 @@ impl Kite {
                 C::new(0.0, -1.0) * e / e.norm()
             })
             .collect();
-        Self { vertices, slopes, normals }
+        let radius = vertices.iter().map(|z| (z + 1.0).norm()).fold(0.0, f64::max);
+        Self { vertices, slopes, radius, normals }
     }
 
     /// Vertices, counter-clockwise.
@@ -74,6 +77,12 @@ impl Kite {
         self.vertices.iter().map(|z| (normal.conj() * z).re).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// Whether the segment a–b is so far from −1 that no kite of this size can
+    /// be within `distance` of it: the quick answer for most of a curve.
+    pub fn is_far(&self, a: C, b: C, distance: f64) -> bool {
+        (a + 1.0).norm().min((b + 1.0).norm()) - (b - a).norm() > self.radius + distance
+    }
+
     /// Signed separation of the segment a–b from the kite: exact in sign, and
     /// exactly the penetration depth where they overlap (the axes of the
     /// separating-axis theorem are the edges' normals and the segment's).
@@ -89,12 +98,8 @@ impl Kite {
     /// Candidate normals, with whether each is across the segment.
     fn axes(&self, a: C, b: C) -> impl Iterator<Item = (C, bool)> + '_ {
         let e = b - a;
-        let across = if e.norm() > 1e-15 {
-            let n = C::new(0.0, 1.0) * e / e.norm();
-            vec![(n, true), (-n, true)]
-        } else {
-            Vec::new()
-        };
+        let n = C::new(0.0, 1.0) * e / e.norm().max(1e-300);
+        let across = [(n, true), (-n, true)].into_iter().filter(move |_| e.norm() > 1e-15);
         self.normals.iter().map(|&n| (n, false)).chain(across)
     }
 

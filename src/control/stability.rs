@@ -220,10 +220,10 @@ pub fn closed_loop_matrix(
             }
         }
         if settings.hybrid_feedforward {
-            for i in 0..4 {
+            for (i, (command, error)) in commanded.iter_mut().zip(&mut nu).enumerate() {
                 for (k, s) in ideal.iter().enumerate() {
-                    add(&mut commanded[i], -inversion.feedback[(i, k)], s);
-                    add(&mut nu[i], f_kappa[(i, k)], s);
+                    add(command, -inversion.feedback[(i, k)], s);
+                    add(error, f_kappa[(i, k)], s);
                 }
             }
         }
@@ -236,10 +236,10 @@ pub fn closed_loop_matrix(
     for j in 0..4 {
         let own = b.state(command + j);
         b.feed(command + j, -hardware.sensor_bandwidth, &own);
-        for i in 0..4 {
-            let by = hardware.sensor_bandwidth;
-            b.feed(command + j, by * inversion.allocation[(j, i)], &nu[i]);
-            b.feed(command + j, by * inversion.decoupling[(j, i)], &commanded[i]);
+        let by = hardware.sensor_bandwidth;
+        for (i, (asked, error)) in commanded.iter().zip(&nu).enumerate() {
+            b.feed(command + j, by * inversion.allocation[(j, i)], error);
+            b.feed(command + j, by * inversion.decoupling[(j, i)], asked);
         }
     }
     debug_assert_eq!(b.next, total);

@@ -13,7 +13,7 @@
 //! in the least-violating design.
 
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
-use super::kite::Kite;
+use super::kite::{Kite, Separation};
 use super::loops::{
     Affine, ChannelLoops, Cut, Dependence, FrequencyModel, LawSettings, LoopModel, affine_value,
     real_row, without_hold,
@@ -136,6 +136,10 @@ pub struct TuningOptions {
     pub gain_back_off: f64,
     /// Same for |S|, dB.
     pub rejection_back_off: f64,
+    /// Factor on the prices of violations. High prices make a slow sequence,
+    /// low ones let small violations stand: the last sweeps have ten times
+    /// those of the first.
+    pub price_scale: f64,
 }
 
 impl Default for TuningOptions {
@@ -150,6 +154,7 @@ impl Default for TuningOptions {
             phase_back_off: 0.15f64.to_radians(),
             gain_back_off: 0.03,
             rejection_back_off: 0.04,
+            price_scale: 1.0,
         }
     }
 }
@@ -341,9 +346,15 @@ const MARGIN_DISTANCE: f64 = 0.5;
 const PEAK_BAND: f64 = 25.0;
 /// A violation beyond this, in slack units, makes other starts worth trying.
 const RESCUE_VIOLATION: f64 = 2e-3;
+/// Factor on the prices in the last sweeps.
+const LAST_PRICES: f64 = 10.0;
+/// A violation beyond this, in slack units, makes them worth while.
+const MISSED: f64 = 2e-4;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
 /// radius 0.5 over it is 0.0009, a twentieth of a degree.
 const LONGEST_CHORD: f64 = 0.06;
+/// Sweeps after which they are tried: the other channels have moved by then.
+const RESCUE_SWEEPS: usize = 2;
 /// Programs per such start at most.
 const RESCUE_ITERATIONS: usize = 10;
 /// Trust region of the program whose duals are the prices, in scaled gains:
@@ -495,7 +506,7 @@ impl<'a> ChannelProblem<'a> {
     }
 
     fn price(&self, kind: Requirement) -> f64 {
-        kind.price() * self.spec.priority
+        kind.price() * self.spec.priority * self.options.price_scale
     }
 
     /// Places of K_P and K_I among the channel's gains.
@@ -964,13 +975,15 @@ impl Site {
                 (0..n).map(|k| full[k] / affine_value(&l.opened[cut][k], x) - 1.0).collect();
             let mut worst = 0.0f64;
             for k in 0..n - 1 {
-                if curve[k].norm_sqr().min(curve[k + 1].norm_sqr()) < 36.0 {
+                if !kite.is_far(curve[k], curve[k + 1], 0.0) {
                     worst = worst.max(-kite.separation(curve[k], curve[k + 1]));
                 }
             }
             out[0] = out[0].max(worst);
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
+                    // More than the last crossing asks for: a hump beyond w
+                    // would do for that, but not for neighbouring models.
                     out[3] = 1.0 - curve[nearest(&l.omega, w)].norm();
                 }
                 if let Some(w) = self.targets.crossover_max {
@@ -1045,7 +1058,12 @@ impl Site {
                 if !(a.norm() < MARGIN_REACH || b.norm() < MARGIN_REACH) {
                     continue;
                 }
-                let separation = kite.separating_normal(a, b);
+                let separation = if kite.is_far(a, b, MARGIN_DISTANCE) {
+                    let middle = 0.5 * (a + b) + 1.0;
+                    Separation { normal: middle / middle.norm(), distance: f64::INFINITY }
+                } else {
+                    kite.separating_normal(a, b)
+                };
                 let normal = separation.normal;
                 for (d, _, _) in &points[k..=k + 1] {
                     let mut row = real_row(normal, d, dependence);
@@ -1079,7 +1097,8 @@ impl Site {
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
                     // Re l₀*(L D̄) ≥ Re D̄ at the frequency, in units of D̄₀.
-                    let (d, b, curve) = &points[nearest(&l.omega, w)];
+                    let place = nearest(&l.omega, w);
+                    let (d, b, curve) = &points[place];
                     let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                     let unit = curve / curve.norm();
                     let mut row = real_row(unit, &f, dependence);
@@ -1088,9 +1107,9 @@ impl Site {
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
                         t.1 -= s.1;
                     }
-                    // |L| falls as the bound moves up.
-                    let k = nearest(&l.omega, w);
-                    let fall = log_slope(&l.omega, k, |k| points[k].2.norm());
+                    // |L| falls as the bound moves up; where it rises, a higher
+                    // bound costs nothing.
+                    let fall = log_slope(&l.omega, place, |k| points[k].2.norm()).min(0.0);
                     let tightening = vec![(Target::CrossoverMin, fall)];
                     push(&mut out, Some(Requirement::CrossoverMin), row, tightening);
                 }
@@ -1355,7 +1374,7 @@ impl Run<'_> {
             }
             for (place, &(channel, spec)) in group.iter().enumerate() {
                 if self.rescue
-                    && sweeps == 0
+                    && sweeps < RESCUE_SWEEPS
                     && merits[place].1.worst() > RESCUE_VIOLATION
                     && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
                 {
@@ -1420,8 +1439,8 @@ impl Run<'_> {
     }
 
     /// Tries other starts for a channel that misses a requirement at some
-    /// speeds: the gains of the nearest speeds that miss none, and slower and
-    /// faster ones. The sequence is local, and a loop with several crossings
+    /// speeds: the gains of the nearest speeds that miss none, slower and faster
+    /// ones, and other shares of the integral. The sequence is local, and a loop with several crossings
     /// has several local answers. Writes the best one back, if it is better.
     fn rescue(
         &self,
@@ -1460,11 +1479,23 @@ impl Run<'_> {
         let below = |v: usize| (0..v).rev().find(|&k| !missed[k]).map(|k| x[k].clone());
         let above = |v: usize| (v + 1..x.len()).find(|&k| !missed[k]).map(|k| x[k].clone());
         let scaled = |f: f64| move |x: &[f64]| x.iter().map(|x| x * f).collect::<Vec<f64>>();
+        // The same with another share of the integral, within its bounds.
+        let [p, i] = problem.ratio_places();
+        let [low, high] = spec.integral_ratio;
+        let shared = |f: f64| {
+            move |x: &[f64]| {
+                let mut x = x.to_vec();
+                x[i] = (x[i] * f).clamp(low * x[p], (high * x[p]).max(low * x[p]));
+                x
+            }
+        };
         let candidates = [
             replaced(&below),
             replaced(&above),
             replaced(&|v| Some(scaled(0.6)(&x[v]))),
             replaced(&|v| Some(scaled(1.6)(&x[v]))),
+            replaced(&|v| Some(shared(0.25)(&x[v]))),
+            replaced(&|v| Some(shared(4.0)(&x[v]))),
         ];
         // The same number of unstable poles as now, or not at all.
         let base: &[GainSet] = gains;
@@ -1651,6 +1682,13 @@ impl TuningProblem<'_> {
                 if inner < Axis::ALL.len() && growth.is_finite() {
                     return Ok(gains);
                 }
+                // Attitude holds leave the velocities free, and the outer loops
+                // take care of those.
+                let outer =
+                    self.channels.iter().any(|c| c.0.is_outer() && c.1.applies(plants[0].speed));
+                if outer && growth < DRIFT_GROWTH {
+                    return Ok(gains);
+                }
                 Err(TuningError::Unstabilisable {
                     model: self.set.models[model].name.clone(),
                     speed: plants[0].speed,
@@ -1681,7 +1719,7 @@ impl TuningProblem<'_> {
     }
 
     /// Halves outer gains at each speed until the loop around the tuned inner
-    /// one is stable.
+    /// one is stable; failing that, leaves them where it grows least.
     fn slow_down_outer(
         &self,
         run: &Run,
@@ -1690,6 +1728,7 @@ impl TuningProblem<'_> {
         gains: &mut [GainSet],
     ) {
         gains.par_iter_mut().enumerate().for_each(|(v, g)| {
+            let mut best = (f64::INFINITY, *g);
             for _ in 0..8 {
                 let worst = self
                     .growths(&self.set.plants[v], &inversions[v], g)
@@ -1698,11 +1737,15 @@ impl TuningProblem<'_> {
                 if worst < START_GROWTH || !run.speeds[v].is_finite() {
                     return;
                 }
+                if worst < best.0 {
+                    best = (worst, *g);
+                }
                 for (c, _) in group {
                     let k = &mut g[c.index()];
                     *k = ChannelGains::new(k.k_d, 0.5 * k.k_p, 0.25 * k.k_i);
                 }
             }
+            *g = best.1;
         });
     }
 
@@ -1776,9 +1819,10 @@ impl TuningProblem<'_> {
             }
             let mut done = run.sweeps(&group, &mut gains, &mut stats)?;
             // Where a curve passes close to its kite in long strides, the
-            // grid is refined and the answer touched up.
+            // grid is refined, and the answer touched up at higher prices.
             let refined = run.refined_grid(&grid, &group, &gains);
-            if refined.len() > grid.len() {
+            let missed = done.merits.iter().any(|m| m.1.worst() > MISSED);
+            if refined.len() > grid.len() || missed {
                 let clock = Instant::now();
                 grid = refined;
                 models = self.loop_models(&inversions, &grid)?;
@@ -1787,6 +1831,7 @@ impl TuningProblem<'_> {
                     growth: Vec::new(),
                     sweeps: 2,
                     trust: LATER_TRUST[0],
+                    price_scale: LAST_PRICES * self.options.price_scale,
                     ..self.options.clone()
                 };
                 let run = Run {
@@ -1826,6 +1871,11 @@ const START_SCALES: [f64; 5] = [1.0, 0.7, 1.3, 0.5, 1.7];
 /// Largest real part that still counts as stable, 1/s: a heading or position
 /// mode at zero is not a divergence.
 pub const START_GROWTH: f64 = 1e-6;
+/// Largest real part that counts as a drift of the velocities, 1/s: with the
+/// attitudes held, u and v are left with what is nearly neutral in hover. It
+/// doubles in 14 s, and is for the outer loops to hold; where there are none,
+/// it is not let pass.
+pub const DRIFT_GROWTH: f64 = 0.05;
 
 /// Delay that the hardware and the full-order plant add to the reduced model in
 /// an axis, s: the phase between the two responses of ν to the output's rate,

@@ -185,6 +185,7 @@ fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
         lift_slope: table.number("lift_slope")?,
         zero_lift_angle: table.number("zero_lift_angle")?,
         drag: table.number("drag")?,
+        small_angles: table.flag("small_angles")?,
     })
 }
 
@@ -437,6 +438,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
     let bandwidth = table.number("lowpass_bandwidth");
     Some(InflowOptions {
         interactions: table.flag("interactions")?,
+        harmonics_through_flow: table.choice("harmonic_mass_flow")? == "through",
         mass_flow: match table.choice("mass_flow")? {
             "total" => MassFlow::Total,
             _ => MassFlow::SelfInduced,

@@ -305,7 +305,7 @@ static AIRFOIL: Table = Table {
         optional(
             "table",
             Value::Path,
-            "the three keys below are given instead",
+            "the keys below are given instead",
             "C81 table of lift, drag and moment over angle of attack (-180° to 180°) and Mach \
              number.",
         ),
@@ -321,8 +321,15 @@ static AIRFOIL: Table = Table {
             "Angle of attack without lift.",
         ),
         required("drag", Value::Number(from_to("0", "2")), "Drag coefficient δ."),
+        default(
+            "small_angles",
+            Value::Bool,
+            "false",
+            "Blade loads for flow along the chord: section speed u_T and inflow angle u_P/u_T \
+             (the paper's Eqs. 35) instead of the exact ones. No effect on wings.",
+        ),
     ],
-    alternatives: &[&["table"], &["lift_slope", "zero_lift_angle", "drag"]],
+    alternatives: &[&["table"], &["lift_slope", "zero_lift_angle", "drag", "small_angles"]],
 };
 
 static GOVERNOR: Table = Table {
@@ -584,6 +591,19 @@ static INFLOW: Table = Table {
             ]),
             "\"self\"",
             "Which inflow carries the mass flow of momentum theory.",
+        ),
+        default(
+            "harmonic_mass_flow",
+            Value::Choice(&[
+                ("momentum", "that of momentum theory, V_m, twice V_T in hover"),
+                (
+                    "through",
+                    "the flow through the disk, V_T, as for uniform inflow, which comes closer to \
+                     the published matrices",
+                ),
+            ]),
+            "\"momentum\"",
+            "Mass flow in the static gain of the first harmonics of self-induced inflow.",
         ),
         default(
             "total_inflow",

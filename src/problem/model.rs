@@ -173,6 +173,9 @@ pub enum Airfoil {
         zero_lift_angle: f64,
         /// Drag coefficient δ.
         drag: f64,
+        /// Whether blade loads are those of Eqs. 35: U = u_T and
+        /// arctan(u_P/u_T) = u_P/u_T. Of no effect on wings.
+        small_angles: bool,
     },
 }
 
@@ -352,6 +355,9 @@ pub struct InflowOptions {
     pub interactions: bool,
     /// Mass-flow rule.
     pub mass_flow: MassFlow,
+    /// Whether the static gain of the first harmonics has V_T where momentum
+    /// theory has V_m.
+    pub harmonics_through_flow: bool,
     /// Total-inflow rule.
     pub total_inflow: TotalInflow,
     /// Quadrature rule.

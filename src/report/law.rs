@@ -57,104 +57,125 @@ pub fn closed_loop(labels: &LawLabels) -> Diagram {
 #[must_use]
 pub fn outer_loop(labels: &LawLabels) -> Diagram {
     let r = Diagram::sum_radius();
-    let (top, bottom) = (60.0, 140.0);
-    let row = |d: Diagram, y: f64, name: &str, gain: &str, sign: &str, out: &str| {
-        d.wire(&[[10.0, y], [90.0 - r, y]], &format!("{name} cmd"))
-            .sum([90.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
-            .wire(&[[90.0, y + 32.0], [90.0, y + r]], "")
-            .text([90.0, y + 30.0], Anchor::Below, name)
-            .wire(&[[90.0 + r, y], [150.0, y]], "e")
-            .block([215.0, y], [130.0, 44.0], &[gain, "PI, held at ±35 deg"])
-            .wire(&[[280.0, y], [345.0 - r, y]], "")
-            .sum([345.0, y], &[(Anchor::Left, sign), (Anchor::Above, "+")])
-            .wire(&[[345.0, y - 32.0], [345.0, y - r]], "")
-            .text([345.0, y - 31.0], Anchor::Right, &format!("{out} trim"))
+    let row = |d: Diagram, y: f64, name: &str, sign: &str, trim: &str| {
+        d.wire(&[[8.0, y], [75.0, y]], &format!("{name} cmd"))
+            .block([135.0, y], [120.0, 44.0], &["reference", "lag and delay"])
+            .line(&[[135.0, y - 22.0], [135.0, y - 36.0], [455.0, y - 36.0]], "")
+            .text([300.0, y - 36.0], Anchor::Above, "acceleration of the reference")
+            .wire(&[[455.0, y - 36.0], [455.0, y - r]], "")
+            .wire(&[[195.0, y], [240.0 - r, y]], "")
+            .sum([240.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
+            .wire(&[[240.0, y + 32.0], [240.0, y + r]], "")
+            .text([240.0, y + 30.0], Anchor::Below, &format!("{name} flown"))
+            .wire(&[[240.0 + r, y], [290.0, y]], "e")
+            .strong_block([350.0, y], [120.0, 44.0], &["K_{P} + K_{I}/s", "limited, no windup"])
+            .wire(&[[410.0, y], [455.0 - r, y]], "")
+            .sum([455.0, y], &[(Anchor::Left, "+"), (Anchor::Above, "+")])
+            .wire(&[[455.0 + r, y], [490.0, y]], "")
+            .block([515.0, y], [50.0, 32.0], &["1/g"])
+            .wire(&[[540.0, y], [585.0 - r, y]], "")
+            .sum([585.0, y], &[(Anchor::Left, sign), (Anchor::Above, "+")])
+            .wire(&[[585.0, y - 30.0], [585.0, y - r]], "")
+            .text([585.0, y - 28.0], Anchor::Above, trim)
     };
-    let d = Diagram::new("Outer loop: velocities over the ground in heading axes", 720.0, 230.0)
+    let (top, bottom) = (70.0, 185.0);
+    let d = Diagram::new("Outer loop: velocities over the ground in heading axes", 860.0, 280.0)
         .description(
-            "Errors of forward velocity command pitch and errors of sideward velocity command \
-             bank, each through a proportional-integral gain over gravity and added to the trim \
-             attitude. Around the turn-coordination speed the bank command passes over to that \
-             of a coordinated turn.",
+            "Each velocity command runs through a reference. The error of the velocity flown \
+             against it, through proportional and integral gains, and the reference's \
+             acceleration, both over gravity, are added to the trim attitude: forward to pitch, \
+             sideward to bank, there with the bank that a turn needs. Around the \
+             turn-coordination speed the bank command passes over to that of a coordinated turn.",
         );
-    let d = row(d, top, "V_{x}", "(K_{P} + K_{I}/s)/g", "−", "θ");
-    let d = row(d, bottom, "V_{y}", "(K_{P} + K_{I}/s)/g", "+", "φ");
-    d.wire(&[[345.0 + r, top], [700.0, top]], "θ cmd")
-        .wire(&[[345.0 + r, bottom], [500.0, bottom]], "φ cmd")
+    let d = row(d, top, "V_{x}", "−", "θ trim");
+    let d = row(d, bottom, "V_{y}", "+", "φ trim + atan(V_{x} ψ'/g)");
+    d.wire(&[[585.0 + r, top], [850.0, top]], "θ cmd")
+        .wire(&[[585.0 + r, bottom], [655.0, bottom]], "φ cmd")
         .block(
-            [565.0, bottom],
-            [130.0, 50.0],
+            [725.0, bottom],
+            [140.0, 50.0],
             &["(1 − b) φ + b φ_{turn}", &format!("b(V) about {}", labels.turn_speed)],
         )
-        .wire(&[[630.0, bottom], [700.0, bottom]], "φ' cmd")
-        .wire(&[[10.0, 207.0], [430.0, 207.0]], "")
-        .text([48.0, 207.0], Anchor::Above, "ψ' cmd")
-        .block([500.0, 207.0], [140.0, 32.0], &["φ_{turn} = atan(V ψ'/g)"])
-        .wire(&[[570.0, 207.0], [585.0, 207.0], [585.0, bottom + 25.0]], "")
+        .wire(&[[795.0, bottom], [850.0, bottom]], "φ' cmd")
+        .wire(&[[8.0, 258.0], [585.0, 258.0]], "")
+        .text([40.0, 258.0], Anchor::Above, "ψ' cmd")
+        .block([665.0, 258.0], [160.0, 32.0], &["φ_{turn} = φ trim + atan(V ψ'/g)"])
+        .wire(&[[725.0, 242.0], [725.0, bottom + 25.0]], "")
 }
 
-/// The inner loop (Fig. 12): command models, error gains and inversion.
+/// The inner loop (Fig. 12): command models, error gains, inversion for
+/// commands and an allocation of its own for feedback.
 #[must_use]
 pub fn inner_loop(labels: &LawLabels) -> Diagram {
     let r = Diagram::sum_radius();
-    let y = 95.0;
-    Diagram::new("Inner loop: command models and dynamic inversion", 900.0, 290.0)
+    let (up, y, down, low) = (60.0, 150.0, 240.0, 300.0);
+    // Where wires cross without meeting, one steps over the other.
+    let hop = |d: Diagram, x: f64, y: f64| {
+        d.line(&[[x - 6.0, y], [x, y - 6.0]], "").line(&[[x, y - 6.0], [x + 6.0, y]], "")
+    };
+    let d = Diagram::new("Inner loop: command models and dynamic inversion", 900.0, 325.0)
         .description(
-            "Each command runs through its model, whose acceleration is fed forward. The delayed \
-             model value minus the measured one passes the proportional, integral and derivative \
-             gains. Their sum, less the inverted feedback of the state and the share of the \
-             velocity feedback that is fed forward from the ideal model, is decoupled into \
-             sticks and added to the trim.",
+            "Commands run through models. Their accelerations, less what the ideal model's state \
+             does by itself, go through the inverse of the control matrix. The delayed model \
+             values minus the measured ones pass proportional, integral and derivative gains; \
+             less the feedback of the state's deviation from the ideal one, they go through the \
+             allocation of feedback. Both are added to the trim sticks.",
         )
-        .wire(&[[8.0, y], [95.0, y]], "φ, θ, r, V_{z} cmd")
+        .wire(&[[8.0, y], [85.0, y]], "φ, θ, r, V_{z}")
+        .text([45.0, y], Anchor::Below, "cmd")
         .block(
-            [165.0, y],
+            [155.0, y],
             [140.0, 66.0],
             &["command models", &labels.attitude_model, &labels.rate_models],
         )
-        .line(&[[165.0, y - 33.0], [165.0, 30.0], [515.0, 30.0]], "")
-        .text([340.0, 30.0], Anchor::Above, "accelerations of the models, fed forward")
-        .wire(&[[515.0, 30.0], [515.0, y - r]], "")
-        .wire(&[[235.0, y], [275.0, y]], "")
-        .block([310.0, y], [70.0, 44.0], &["delay", &labels.reference_delay])
-        .wire(&[[345.0, y], [375.0 - r, y]], "")
-        .sum([375.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
-        .wire(&[[375.0 + r, y], [400.0, y]], "")
-        .strong_block([445.0, y], [90.0, 44.0], &["K_{P} + K_{I}/s", "+ K_{D} s"])
-        .wire(&[[490.0, y], [515.0 - r, y]], "")
-        .sum([515.0, y], &[(Anchor::Left, "+"), (Anchor::Above, "+")])
-        .wire(&[[515.0 + r, y], [590.0 - r, y]], "ν")
-        .sum([590.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
-        .wire(&[[590.0 + r, y], [645.0, y]], "")
-        .strong_block([690.0, y], [90.0, 44.0], &["B_{d}^{−1}", "inversion"])
-        .wire(&[[735.0, y], [790.0 - r, y]], "Δδ")
-        .sum([790.0, y], &[(Anchor::Left, "+"), (Anchor::Above, "+")])
-        .wire(&[[790.0, 50.0], [790.0, y - r]], "")
-        .text([790.0, 52.0], Anchor::Above, "δ trim")
-        .wire(&[[790.0 + r, y], [890.0, y]], "sticks δ")
-        .wire(&[[165.0, y + 33.0], [165.0, 195.0], [205.0, 195.0]], "")
-        .block([275.0, 195.0], [140.0, 44.0], &["ideal model", "of the commands"])
-        .line(&[[345.0, 195.0], [368.0, 195.0]], "")
-        .line(&[[368.0, 195.0], [375.0, 188.0], [382.0, 195.0]], "")
-        .wire(&[[382.0, 195.0], [455.0, 195.0]], "x_{ref}")
-        .block([530.0, 195.0], [150.0, 44.0], &["(1 − κ) F_{uvw}", "fed forward"])
-        .line(&[[605.0, 195.0], [660.0, 195.0], [660.0, 150.0], [590.0, 150.0]], "")
-        .dot([590.0, 150.0])
-        .line(&[[10.0, 258.0], [375.0, 258.0]], "")
-        .text([60.0, 258.0], Anchor::Above, "x, measured")
-        .wire(&[[375.0, 258.0], [375.0, y + r]], "")
-        .text([375.0, 150.0], Anchor::Left, "φ, θ, r, V_{z}")
-        .dot([375.0, 258.0])
-        .wire(&[[375.0, 258.0], [455.0, 258.0]], "")
+        .line(&[[155.0, y - 33.0], [155.0, up], [300.0, up]], "")
+        .wire(&[[300.0, up], [560.0 - r, up]], "ν_{c}: accelerations of the models")
+        .sum([560.0, up], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
+        .wire(&[[560.0 + r, up], [615.0, up]], "")
+        .strong_block([665.0, up], [100.0, 44.0], &["B_{d}^{−1}", "exact inverse"])
+        .wire(&[[715.0, up], [790.0, up], [790.0, 105.0 - r]], "")
+        .wire(&[[225.0, y], [255.0, y]], "")
+        .block([290.0, y], [70.0, 44.0], &["delay", &labels.reference_delay])
+        .wire(&[[325.0, y], [370.0 - r, y]], "")
+        .sum([370.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
+        .wire(&[[370.0 + r, y], [400.0, y]], "")
+        .strong_block([447.0, y], [94.0, 44.0], &["K_{P} + K_{I}/s", "+ K_{D} s"])
+        .line(&[[494.0, y], [509.0, y]], "")
+        .wire(&[[521.0, y], [560.0 - r, y]], "ν_{e}")
+        .sum([560.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
+        .wire(&[[560.0 + r, y], [615.0, y]], "")
+        .strong_block([665.0, y], [100.0, 44.0], &["M", "allocation"])
+        .wire(&[[715.0, y], [790.0, y], [790.0, 105.0 + r]], "")
+        .sum([790.0, 105.0], &[(Anchor::Left, "+"), (Anchor::Above, "+"), (Anchor::Below, "+")])
+        .wire(&[[745.0, 105.0], [790.0 - r, 105.0]], "")
+        .text([745.0, 105.0], Anchor::Left, "δ trim")
+        .wire(&[[790.0 + r, 105.0], [892.0, 105.0]], "sticks δ")
+        .wire(&[[155.0, y + 33.0], [155.0, down], [215.0, down]], "")
+        .block([285.0, down], [140.0, 44.0], &["ideal model", "of the commands"])
+        .line(&[[355.0, down], [364.0, down]], "")
+        .line(&[[376.0, down], [515.0, down]], "")
+        .text([440.0, down], Anchor::Above, "x_{ref}")
+        .dot([515.0, down])
+        .wire(&[[515.0, down], [515.0, 118.0]], "")
+        .block([515.0, 105.0], [36.0, 26.0], &["F"])
+        .wire(&[[533.0, 105.0], [560.0, 105.0], [560.0, up + r]], "")
+        .wire(&[[515.0, down], [560.0 - r, down]], "")
+        .sum([560.0, down], &[(Anchor::Left, "−"), (Anchor::Below, "+")])
+        .wire(&[[560.0 + r, down], [605.0, down]], "")
         .block(
-            [530.0, 258.0],
-            [150.0, 44.0],
+            [665.0, down],
+            [120.0, 44.0],
             &["F_{att} + κ F_{uvw}", &format!("κ = {}", labels.inverted_share)],
         )
-        .line(&[[605.0, 258.0], [680.0, 258.0], [680.0, 135.0], [590.0, 135.0]], "")
-        .line(&[[590.0, 150.0], [590.0, 135.0]], "")
-        .dot([590.0, 135.0])
-        .wire(&[[590.0, 135.0], [590.0, y + r]], "")
+        .wire(&[[725.0, down], [745.0, down], [745.0, 198.0], [560.0, 198.0], [560.0, y + r]], "")
+        .line(&[[8.0, low], [560.0, low]], "")
+        .text([50.0, low], Anchor::Above, "x, measured")
+        .wire(&[[560.0, low], [560.0, down + r]], "")
+        .dot([370.0, low])
+        .wire(&[[370.0, low], [370.0, y + r]], "")
+        .text([370.0, 200.0], Anchor::Left, "φ, θ, r, V_{z}");
+    let d = hop(d, 515.0, y);
+    hop(d, 370.0, down)
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ impl Section {
                 let drag = if smooth.is_positive() { smooth } else { within_data(&drag)? };
                 Ok(Self(Kind::Table(Bicubic::join([&lift, &drag]))))
             }
-            &Airfoil::Analytic { lift_slope, zero_lift_angle, drag } => {
+            &Airfoil::Analytic { lift_slope, zero_lift_angle, drag, .. } => {
                 Ok(Self(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
             }
         }
@@ -458,6 +458,7 @@ mod tests {
             lift_slope: 5.73,
             zero_lift_angle: -0.02,
             drag: 0.01,
+            small_angles: false,
         })
         .unwrap();
         let c = section.coefficients(0.1, 0.4);
@@ -468,9 +469,13 @@ mod tests {
 
     #[test]
     fn analytic_lift_is_a_plates_in_reversed_flow_and_smooth() {
-        let section =
-            Section::new(&Airfoil::Analytic { lift_slope: 5.73, zero_lift_angle: 0.0, drag: 0.01 })
-                .unwrap();
+        let section = Section::new(&Airfoil::Analytic {
+            lift_slope: 5.73,
+            zero_lift_angle: 0.0,
+            drag: 0.01,
+            small_angles: false,
+        })
+        .unwrap();
         let lift = |angle: f64| section.coefficients(angle, 0.2).lift;
         for k in -40..=40 {
             let angle = 0.07 * f64::from(k);

@@ -561,7 +561,10 @@ impl Vehicle {
                 let scale = 1.0 / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
-                    &WakeOf { mass_flow: self.inflow.mass_flow },
+                    &WakeOf {
+                        mass_flow: self.inflow.mass_flow,
+                        harmonics_through_flow: self.inflow.harmonics_through_flow,
+                    },
                     &[
                         vx * scale,
                         vy * -scale,

@@ -24,7 +24,7 @@
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
 //! hub, belongs to the airframe (see `MassProperties`).
 
-use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
+use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent};
 use crate::problem::{self, HubKind, Spanwise};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
@@ -43,6 +43,14 @@ struct Element {
     twist: f64,
     /// Fraction of the element inside the tip-loss radius.
     lifting: f64,
+}
+
+/// Linear lift and constant drag for flow along the chord (Eqs. 35).
+#[derive(Debug, Clone, Copy)]
+struct SmallAngles {
+    lift_slope: f64,
+    zero_lift_angle: f64,
+    drag: f64,
 }
 
 /// A rotor of the vehicle model.
@@ -80,6 +88,8 @@ pub struct Rotor {
     inertia: [f64; 3],
     elements: Vec<Element>,
     section: Section,
+    /// Eqs. 35 in place of the section, if the problem asks for them.
+    small_angles: Option<SmallAngles>,
     sound_speed: f64,
     density: f64,
 }
@@ -239,6 +249,15 @@ impl Rotor {
             inertia: [yy + zz, xx + zz, xx + yy],
             elements,
             section,
+            small_angles: match rotor.airfoil {
+                problem::Airfoil::Analytic {
+                    lift_slope,
+                    zero_lift_angle,
+                    drag,
+                    small_angles: true,
+                } => Some(SmallAngles { lift_slope, zero_lift_angle, drag }),
+                _ => None,
+            },
             sound_speed: air.sound_speed,
             density: air.density,
         })
@@ -521,8 +540,33 @@ impl Rotor {
         }
     }
 
+    /// Blade loads by Eqs. 35, the sums of the other two in their exact form:
+    /// f_T = ½ρc [a (u_T θ + u_P) u_P − δ u_T²], f_P = −½ρc a (u_T² θ + u_P u_T),
+    /// θ from zero lift.
+    #[inline(always)]
+    fn small_angle_loads<S: Scalar>(&self, section: SmallAngles, flow: &[S; 7]) -> [S; 4] {
+        let [t0, t1, p0, p1, _, _, pitch] = *flow;
+        let mut sum = [S::default(); 4];
+        for element in &self.elements {
+            let r = element.radius;
+            let (ut, up) = (t1 * r + t0, p1 * r + p0);
+            let angle = pitch + (element.twist - section.zero_lift_angle);
+            let lift = (ut * angle + up) * (section.lift_slope * element.lifting);
+            let f_t = (lift * up - ut * ut * section.drag) * element.half_density_area;
+            let f_p = lift * ut * -element.half_density_area;
+            sum[0] += f_t;
+            sum[1] += f_p;
+            sum[2] += f_t * r;
+            sum[3] += f_p * r;
+        }
+        sum
+    }
+
     #[inline(never)]
     fn blade_loads(&self, flow: &[f64; 7]) -> [f64; 4] {
+        if let Some(section) = self.small_angles {
+            return self.small_angle_loads(section, flow);
+        }
         let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
         let inverse_sound = 1.0 / self.sound_speed;
         let mut sum = [0.0; 4];
@@ -548,6 +592,14 @@ impl Rotor {
 
     #[inline(never)]
     fn blade_loads_with_partials(&self, flow: &[f64; 7]) -> ([f64; 4], [[f64; 7]; 4]) {
+        if let Some(section) = self.small_angles {
+            let mut local = [Dual::<7>::default(); 7];
+            for (k, variable) in local.iter_mut().enumerate() {
+                *variable = Dual::variable(flow[k], k);
+            }
+            let loads = self.small_angle_loads(section, &local);
+            return (loads.map(|load| load.v), loads.map(|load| load.d));
+        }
         let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
         let inverse_sound = 1.0 / self.sound_speed;
         let mut sum = [0.0; 4];
@@ -681,6 +733,15 @@ impl PowerProbe<'_> {
                 let blade_k = Vec3([beta.sin(), 0.0, beta.cos()]);
                 let blade_i = Vec3([beta.cos(), 0.0, -beta.sin()]);
                 let (ut, up, ur) = (-air_f.0[1], air_f.dot(blade_k), air_f.dot(blade_i));
+                if let Some(section) = rotor.small_angles {
+                    // Lift does no work here; drag works along u_T.
+                    let angle = pitch + element.twist - section.zero_lift_angle;
+                    let lift = section.lift_slope * element.lifting * (ut * angle + up);
+                    let k = element.half_density_area;
+                    self.power.profile += k * section.drag * ut * ut * ut;
+                    self.power.induced += k * lift * ut * beta.cos() * inflow;
+                    continue;
+                }
                 let u = ut.hypot(up);
                 let mach = u.hypot(ur) / rotor.sound_speed;
                 let (lift, drag) =

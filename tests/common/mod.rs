@@ -184,7 +184,12 @@ pub fn constant(value: f64) -> Spanwise {
 
 /// Linear lift and constant drag.
 pub fn analytic(lift_slope: f64, drag: f64) -> Airfoil {
-    Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag }
+    Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: false }
+}
+
+/// Linear lift and constant drag by Eqs. 35.
+pub fn small_angles(lift_slope: f64, drag: f64) -> Airfoil {
+    Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: true }
 }
 
 /// Blades that sweep through the problem's rotors with three blades, held

@@ -747,12 +747,13 @@ pub(super) fn law(inputs: &Inputs, system: System) -> Section {
         .diagram(
             outer_loop(&labels),
             "The outer loop: translational rate command, passing over to coordinated turns. After \
-             Fig. 11.",
+             Fig. 11 of the reference paper.",
         )
         .diagram(
             inner_loop(&labels),
-            "The inner loop: attitude command in roll and pitch, rate command in yaw and heave, \
-             dynamic inversion with a share κ of the velocity feedback. After Fig. 12.",
+            "The inner loop: attitude command in roll and pitch, rate command in yaw and heave. \
+             Commands go through the exact inverse, feedback through an allocation of its own, \
+             with a share κ of the velocity feedback. After Fig. 12.",
         )
 }
 

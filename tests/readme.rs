@@ -1,0 +1,156 @@
+//! The README's tour, as a newcomer meets it: every command in a `console`
+//! block is run, and what it prints is compared with the page.
+//!
+//! Commands follow `$`; what they print, on standard output and then on
+//! standard error, follows them. A line `...` at the end stands for the rest.
+//! With the environment variable `UPDATE_README` set, the outputs in the page
+//! are replaced instead; a `...` keeps as many lines before it as there were,
+//! or the first dozen.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+/// Lines kept before a `...` that stands alone.
+const SHOWN: usize = 12;
+
+/// A command with the lines that the page shows of it.
+struct Shown {
+    command: String,
+    lines: Vec<String>,
+    /// Whether the page leaves out the end.
+    cut: bool,
+}
+
+/// Words of a command line; double quotes hold words together.
+fn words(command: &str) -> Vec<String> {
+    let mut found = vec![String::new()];
+    let mut quoted = false;
+    for c in command.chars() {
+        match c {
+            '"' => quoted = !quoted,
+            ' ' if !quoted => found.push(String::new()),
+            c => found.last_mut().unwrap().push(c),
+        }
+    }
+    found.retain(|word| !word.is_empty());
+    found
+}
+
+/// What a command prints, without blanks at the ends of lines.
+fn printed(command: &str, directory: &Path) -> Vec<String> {
+    let words = words(command);
+    assert_eq!(words[0], "coaxdesign", "{command}");
+    let output = Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+        .current_dir(directory)
+        .env_remove("RUST_LOG")
+        .args(&words[1..])
+        .output()
+        .unwrap();
+    let code = output.status.code().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap() + &String::from_utf8_lossy(&output.stderr);
+    // Bad input is shown on purpose; a file already there or a panic is not.
+    assert!(code <= 2, "{command}: exit code {code}\n{text}");
+    text.lines().map(|line| line.trim_end().to_owned()).collect()
+}
+
+/// A newcomer's clone, but for what a run must not touch.
+fn clone_of_the_repository() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in ["designs", "examples", "problems", "tests"] {
+        copy(&root.join(name), &directory.path().join(name));
+    }
+    directory
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
+/// The commands of a block and their outputs.
+fn commands(block: &[&str]) -> Vec<Shown> {
+    let mut found: Vec<Shown> = Vec::new();
+    for line in block {
+        if let Some(command) = line.strip_prefix("$ ") {
+            found.push(Shown { command: command.into(), lines: Vec::new(), cut: false });
+            continue;
+        }
+        let last = found.last_mut().expect("a console block begins with a command");
+        assert!(!last.cut, "nothing follows `...` in {}", last.command);
+        if *line == "..." {
+            last.cut = true;
+        } else {
+            last.lines.push((*line).to_string());
+        }
+    }
+    found
+}
+
+#[test]
+fn every_output_in_the_readme_is_real() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
+    let page = std::fs::read_to_string(&path).unwrap();
+    let update = std::env::var_os("UPDATE_README").is_some();
+    let directory = clone_of_the_repository();
+    let (mut renewed, mut block): (String, Option<Vec<&str>>) = (String::new(), None);
+    let (mut count, mut wrong) = (0, String::new());
+    for line in page.lines() {
+        match (&mut block, line) {
+            (None, "```console") => block = Some(Vec::new()),
+            (Some(lines), "```") => {
+                renewed.push_str("```console\n");
+                for shown in commands(lines) {
+                    count += 1;
+                    let real = printed(&shown.command, directory.path());
+                    let keep = if !shown.cut {
+                        real.len()
+                    } else if shown.lines.is_empty() {
+                        SHOWN.min(real.len())
+                    } else {
+                        shown.lines.len().min(real.len())
+                    };
+                    let _ = writeln!(renewed, "$ {}", shown.command);
+                    for line in &real[..keep] {
+                        let _ = writeln!(renewed, "{line}");
+                    }
+                    if shown.cut && keep < real.len() {
+                        renewed.push_str("...\n");
+                    }
+                    if shown.lines != real[..keep] {
+                        let _ = writeln!(
+                            wrong,
+                            "$ {}\n--- README\n{}\n+++ now\n{}",
+                            shown.command,
+                            shown.lines.join("\n"),
+                            real[..keep].join("\n")
+                        );
+                    }
+                }
+                renewed.push_str("```\n");
+                block = None;
+            }
+            (Some(lines), line) => lines.push(line),
+            (None, line) => {
+                let _ = writeln!(renewed, "{line}");
+            }
+        }
+    }
+    assert!(block.is_none(), "a console block is not closed");
+    assert!(count >= 8, "only {count} commands");
+    if update {
+        std::fs::write(&path, renewed).unwrap();
+    } else {
+        assert!(wrong.is_empty(), "run with UPDATE_README=1 to renew the page\n{wrong}");
+    }
+}
