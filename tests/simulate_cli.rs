@@ -65,10 +65,14 @@ fn bad_arguments_say_what_to_write() {
         String::from_utf8(output.stderr).unwrap()
     };
     assert!(message(&["simulate", "-m", "slalom"]).contains("tune-gains"));
-    assert!(message(&["simulate", "-m", "lateral-doublet", "--model", "colour=red"])
-        .contains("interactions=off"));
-    assert!(message(&["simulate", "-m", "lateral-doublet", "--control-rate", "5"])
-        .contains("half a control period"));
+    assert!(
+        message(&["simulate", "-m", "lateral-doublet", "--model", "colour=red"])
+            .contains("interactions=off")
+    );
+    assert!(
+        message(&["simulate", "-m", "lateral-doublet", "--control-rate", "5"])
+            .contains("half a control period")
+    );
     std::fs::write(here.join("bad.toml"), "title = \"x\"\nmode = \"velocity\"\n").unwrap();
     assert!(message(&["simulate", "-m", "bad.toml"]).contains("duration"));
 }

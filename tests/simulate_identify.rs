@@ -32,8 +32,7 @@ fn val_measured_margins_are_those_predicted() {
     let speed = 40.0 * KNOT;
     let condition = FlightCondition::level(speed);
     let guess = Guess::estimate(&vehicle, &condition);
-    let start =
-        trim(&vehicle, condition, &guess, &Default::default()).into_converged().unwrap();
+    let start = trim(&vehicle, condition, &guess, &Default::default()).into_converged().unwrap();
     let full = averaged(&vehicle, &start, &linearize::Options::default()).unwrap();
     let plant = from_state_space(&full, speed, airframe(start.point())).unwrap();
     let point = table.at(speed);
