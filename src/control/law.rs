@@ -210,8 +210,7 @@ pub const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
 /// Farthest that the speed of the schedule may lie from the speed that is
 /// flown, m/s.
 pub const SCHEDULE_LEAD: f64 = 5.0;
-/// How far below the turn-coordination speed the yaw command is led in full: at
-/// one part in so many of it.
+/// The yaw command is led in full from the turn-coordination speed over this.
 pub const YAW_LEAD: f64 = 2.0;
 /// Forward speed below which rolling asks for no yaw, m/s.
 pub const SLOW: f64 = 5.0;
@@ -437,8 +436,9 @@ impl Controller {
                     ((commands[k] - self.velocity_commands[k]) * frequencies[k] / OUTER_SLOWNESS)
                         .clamp(-ACCELERATION_LIMIT, ACCELERATION_LIMIT)
                 });
-                for k in 0..2 {
-                    self.velocity_commands[k] += dt * acceleration[k];
+                for (velocity, acceleration) in self.velocity_commands.iter_mut().zip(acceleration)
+                {
+                    *velocity += dt * acceleration;
                 }
                 let errors = [due[VELOCITY][0] - forward, due[VELOCITY + 1][0] - right];
                 let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
@@ -455,13 +455,13 @@ impl Controller {
                 // Where turn coordination has the bank, the lateral integral
                 // has nothing to do and is forgotten.
                 let share = [1.0, 1.0 - blend];
-                for k in 0..2 {
+                for (k, share) in share.into_iter().enumerate() {
                     // Anti-windup: hold while the attitude limit is reached.
                     let outward = raw[k].abs() > ATTITUDE_LIMIT && raw[k] * errors[k] > 0.0;
                     if !outward {
-                        self.velocity_integrals[k] += dt * share[k] * errors[k];
+                        self.velocity_integrals[k] += dt * share * errors[k];
                     }
-                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share[k]) / FORGETTING;
+                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share) / FORGETTING;
                 }
                 let limited = raw.map(|r| r.clamp(-ATTITUDE_LIMIT, ATTITUDE_LIMIT));
                 (trim.roll + limited[1], trim.pitch - limited[0])
@@ -481,9 +481,9 @@ impl Controller {
         if velocity_mode {
             // What the aircraft can do of a velocity: the attitude command
             // model stands between.
-            for k in 0..2 {
+            for (k, frequency) in frequencies.into_iter().enumerate() {
                 let command = self.velocity_commands[k];
-                attitude(&mut self.references[VELOCITY + k], command, frequencies[k]);
+                attitude(&mut self.references[VELOCITY + k], command, frequency);
             }
         }
         // The heading turns no sooner than the bank that must go with it.
@@ -590,8 +590,8 @@ impl Controller {
             let across = (1.0 - blend) * to(VELOCITY + 1) - blend * lifted * sr / cr;
             let body =
                 [along * cp - down * sp, across * cr + lifted * sr, lifted * cr - across * sr];
-            for k in 0..3 {
-                ideal[rigid::U + k] = body[k] - tv[k];
+            for (k, (body, trim)) in body.into_iter().zip(tv).enumerate() {
+                ideal[rigid::U + k] = body - trim;
             }
             self.model = [ideal[rigid::U], ideal[rigid::V]];
         }
