@@ -11,6 +11,7 @@
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
+//! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
 //!
@@ -101,6 +102,7 @@
 
 pub mod cli;
 pub mod control;
+pub mod export;
 pub mod linear;
 pub mod numerics;
 pub mod problem;

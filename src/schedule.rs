@@ -189,10 +189,8 @@ impl Schedule {
             name: name.into(),
             requirements_met,
             provenance,
-            interpolation: "linear in true airspeed between breakpoints, element by element; \
-                            constant beyond the first and the last"
-                .into(),
-            units: UNITS.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect(),
+            interpolation: INTERPOLATION.into(),
+            units: units(),
             law: table.settings,
             turn_coordination_speed: table.turn.speed,
             turn_coordination_width: table.turn.width,
@@ -270,6 +268,15 @@ impl Schedule {
         schedule.law()?;
         Ok(schedule)
     }
+}
+
+/// How to read the table.
+pub const INTERPOLATION: &str = "linear in true airspeed between breakpoints, element by element; \
+                                 constant beyond the first and the last";
+
+/// Units of the quantities in a schedule, as the file states them.
+pub fn units() -> BTreeMap<String, String> {
+    UNITS.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect()
 }
 
 /// Units of the quantities in a schedule.

@@ -207,11 +207,10 @@ fn a_design_runs_what_has_changed_and_nothing_else() {
     let plan = design(&["--dry-run"]);
     assert_eq!(code(&plan), 0, "{}", err(&plan));
     assert!(!here.join("mine").exists());
-    for (line, command) in
-        out(&plan).lines().zip(["trim", "linearize", "tune-gains", "simulate", "report"])
-    {
-        assert!(line.starts_with(&format!("coaxdesign {command} ")), "{line}");
-    }
+    let commands: Vec<&str> =
+        out(&plan).lines().filter_map(|line| line.split(' ').nth(1)).collect();
+    assert_eq!(commands[..4], ["trim", "linearize", "tune-gains", "simulate"]);
+    assert_eq!(*commands.last().unwrap(), "report");
     let first = design(&[]);
     assert!(code(&first) <= 1, "{}", err(&first));
     assert!(!out(&first).contains("unchanged"), "{}", out(&first));

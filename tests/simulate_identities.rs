@@ -97,9 +97,8 @@ fn steady_wind_only_moves_the_ground() {
     }
     assert!((heading_a - heading_b).abs() < 1e-9);
     let time = still.duration;
-    for k in 0..3 {
-        let drift = windy.weather.wind[k] * time;
-        assert!((position_b[k] - position_a[k] - drift).abs() < 1e-6, "{k}");
+    for ((b, a), wind) in position_b.iter().zip(position_a).zip(windy.weather.wind) {
+        assert!((b - a - wind * time).abs() < 1e-6);
     }
 }
 

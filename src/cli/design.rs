@@ -20,6 +20,7 @@ use super::{CliError, Outcome, output, version};
 use crate::problem::BUILTIN;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::schedule::hash;
+use crate::units::{Kind, System};
 
 /// Schema of `design.json`.
 const SCHEMA: &str = "coaxdesign.design/1";
@@ -28,7 +29,7 @@ const MANEUVER: &str = "accel-climb-turn";
 /// The note of a design.
 const NOTE: &str = "design.json";
 
-/// Run the whole pipeline: trim, linear models, tuning and verification, report
+/// Run the whole pipeline: trim, linear models, tuning and verification, a flight, exports, report
 ///
 /// Each stage is a subcommand that can also be run by itself, and leaves its files in the
 /// directory. A stage whose inputs have not changed since is skipped; after an interruption the
@@ -46,6 +47,14 @@ pub struct Design {
     /// True airspeeds of the trim curves: FIRST:LAST:STEP with a unit, or a list
     #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt")]
     speeds: String,
+    /// Forms of the schedule to export
+    #[arg(
+        long,
+        value_name = "FORMATS",
+        value_delimiter = ',',
+        default_value = "json,csv,c,matlab,python,jsbsim"
+    )]
+    exports: Vec<String>,
     /// Run every stage, changed or not
     #[arg(long)]
     again: bool,
@@ -109,8 +118,9 @@ struct Note {
 }
 
 /// A stage: a subcommand with its arguments, and files.
+#[derive(Default)]
 struct Stage {
-    name: &'static str,
+    name: String,
     /// Arguments but for files, which vary from place to place.
     arguments: Vec<String>,
     /// Further arguments: files.
@@ -121,6 +131,10 @@ struct Stage {
     reads: Vec<String>,
     /// Files of the design that it writes.
     writes: Vec<String>,
+    /// Directory of the design that it fills, where it chooses the names.
+    fills: Option<String>,
+    /// Whether it knows `--quiet` and `--threads`.
+    computes: bool,
 }
 
 /// What a design notes of its inputs.
@@ -182,7 +196,11 @@ impl Design {
         let loaded = self.problem.load_with_warnings(self.quiet)?;
         let (spec, spec_text) = SpecArgs::of(self.spec.clone()).load()?;
         super::trim::parse_speeds(&self.speeds)?;
-        let breakpoints: Vec<String> = spec.speeds.iter().map(|v| format!("{v}")).collect();
+        let breakpoints: Vec<String> = spec
+            .speeds
+            .iter()
+            .map(|v| output::significant(Kind::Airspeed.from_si(*v, System::Us), 12))
+            .collect();
         let stages = self.stages(&breakpoints.join(","));
         if self.dry_run {
             let lines: Vec<String> = stages.iter().map(Stage::line).collect();
@@ -200,7 +218,7 @@ impl Design {
             specification: self.spec.as_ref().map(|p| Reference::File(from_to(directory, p))),
             stages: before.map(|note| note.stages).unwrap_or_default(),
         };
-        note.stages.retain(|name, _| stages.iter().any(|s| s.name == name));
+        note.stages.retain(|name, _| stages.iter().any(|s| s.name == *name));
         let mut table = Table::new(
             &format!("{}: {}", loaded.problem.name, directory.display()),
             vec![
@@ -214,8 +232,9 @@ impl Design {
         let mut missed = false;
         for stage in &stages {
             let key = stage.key(directory, &sources);
-            let fresh = note.stages.get(stage.name).is_some_and(|record| {
+            let fresh = note.stages.get(&stage.name).is_some_and(|record| {
                 record.inputs == key
+                    && !record.outputs.is_empty()
                     && stage.writes.iter().all(|file| record.outputs.contains_key(file))
                     && record
                         .outputs
@@ -224,13 +243,13 @@ impl Design {
             });
             let clock = Instant::now();
             if !fresh {
-                note.stages.remove(stage.name);
+                note.stages.remove(&stage.name);
                 let ended = self.run_stage(stage, directory)?;
                 let record = stage.record(directory, key, ended)?;
-                note.stages.insert(stage.name.into(), record);
+                note.stages.insert(stage.name.clone(), record);
                 note.write(directory)?;
             }
-            let ended = note.stages.get(stage.name).map_or(Ended::Done, |r| r.ended);
+            let ended = note.stages.get(&stage.name).map_or(Ended::Done, |r| r.ended);
             missed |= ended == Ended::GoalMissed;
             let (word, highlight) = match ended {
                 Ended::Done => ("done", Highlight::Good),
@@ -238,10 +257,10 @@ impl Design {
             };
             let word = if fresh { format!("{word}, unchanged") } else { word.into() };
             table.row([
-                Cell::from(stage.name),
+                Cell::from(stage.name.as_str()),
                 Cell::from(word).highlight(highlight),
                 if fresh { Cell::empty() } else { clock.elapsed().as_secs_f64().into() },
-                stage.writes.join(", ").into(),
+                stage.fills.as_ref().unwrap_or(&stage.writes.join(", ")).as_str().into(),
             ]);
         }
         note.write(directory)?;
@@ -265,7 +284,7 @@ impl Design {
         }
     }
 
-    /// The stages, with the breakpoints of the schedule in m/s.
+    /// The stages, with the breakpoints of the schedule in kt.
     fn stages(&self, breakpoints: &str) -> Vec<Stage> {
         let text = |words: &[&str]| words.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
         let path = |name: &str| self.output.join(name).display().to_string();
@@ -290,9 +309,10 @@ impl Design {
             vec![self.output.display().to_string(), "--problem".into(), problem.clone()];
         report.extend(spec);
         report.extend(["-o".into(), path("report.html")]);
-        vec![
+        let mut stages = vec![
             Stage {
-                name: "trim",
+                name: "trim".into(),
+                computes: true,
                 arguments: text(&[
                     "trim",
                     "--speeds",
@@ -303,16 +323,16 @@ impl Design {
                     units,
                 ]),
                 files: vec![problem.clone(), "-o".into(), path("trim.json")],
-                specified: false,
-                reads: vec![],
                 writes: vec!["trim.json".into()],
+                ..Stage::default()
             },
             Stage {
-                name: "models",
+                name: "models".into(),
+                computes: true,
                 arguments: text(&[
                     "linearize",
                     "--speeds",
-                    &format!("{breakpoints} m/s"),
+                    &format!("{breakpoints} kt"),
                     "--reduce",
                     "residualize",
                     "--format",
@@ -321,20 +341,21 @@ impl Design {
                     "si",
                 ]),
                 files: vec![problem.clone(), "-o".into(), path("models.json")],
-                specified: false,
-                reads: vec![],
                 writes: vec!["models.json".into()],
+                ..Stage::default()
             },
             Stage {
-                name: "gains",
+                name: "gains".into(),
+                computes: true,
                 arguments: text(&["tune-gains"]),
                 files: gains,
                 specified: true,
-                reads: vec![],
                 writes: text(&["schedule.json", "verification.json"]),
+                ..Stage::default()
             },
             Stage {
-                name: "simulation",
+                name: "simulation".into(),
+                computes: true,
                 arguments: text(&["simulate", "-m", MANEUVER, "--interval", "0.05 s"]),
                 files: vec![
                     self.output.display().to_string(),
@@ -343,19 +364,37 @@ impl Design {
                     "-o".into(),
                     path(&flight),
                 ],
-                specified: false,
                 reads: text(&["schedule.json"]),
                 writes: vec![flight.clone()],
+                ..Stage::default()
             },
             Stage {
-                name: "report",
+                name: "report".into(),
+                computes: true,
                 arguments: text(&["report", "--speeds", &self.speeds, "--units", units]),
                 files: report,
                 specified: true,
                 reads: text(&["schedule.json", "verification.json", &flight]),
                 writes: vec!["report.html".into()],
+                ..Stage::default()
             },
-        ]
+        ];
+        let exports = self.exports.iter().filter(|_| knows("export")).map(|format| Stage {
+            name: format!("export {format}"),
+            // What misses a requirement is exported too, and says so.
+            arguments: text(&["export", "--to", format, "--unverified"]),
+            files: text(&[
+                &self.output.display().to_string(),
+                "-o",
+                &path(&format!("export/{format}")),
+            ]),
+            reads: text(&["schedule.json"]),
+            fills: Some(format!("export/{format}")),
+            ..Stage::default()
+        });
+        let last = stages.len() - 1;
+        stages.splice(last..last, exports);
+        stages
     }
 
     /// Runs a stage in a process of its own.
@@ -363,23 +402,22 @@ impl Design {
         if !self.quiet {
             output::note(&format!("{} ...\n", stage.name));
         }
-        for file in &stage.writes {
-            if let Some(parent) = directory.join(file).parent() {
-                std::fs::create_dir_all(parent)
-                    .map_err(|source| CliError::Io { path: parent.into(), source })?;
-            }
+        let parents = stage.writes.iter().filter_map(|f| Path::new(f).parent());
+        for folder in parents.chain(stage.fills.as_deref().map(Path::new)) {
+            let path = directory.join(folder);
+            std::fs::create_dir_all(&path).map_err(|source| CliError::Io { path, source })?;
         }
         let program = std::env::current_exe()
             .map_err(|source| CliError::Io { path: "this program".into(), source })?;
         let mut process = Process::new(&program);
-        process.args(stage.command().split_off(1)).arg("--force").env(STAGE, stage.name);
-        if self.quiet {
+        process.args(stage.command().split_off(1)).arg("--force").env(STAGE, &stage.name);
+        if self.quiet && stage.computes {
             process.arg("--quiet");
         }
-        if let Some(threads) = self.threads {
+        if let Some(threads) = self.threads.filter(|_| stage.computes) {
             process.args(["--threads", &threads.to_string()]);
         }
-        tracing::info!(stage = stage.name, command = stage.line(), "run");
+        tracing::info!(stage = stage.name.as_str(), command = stage.line(), "run");
         // Tables are in the report; messages are for whoever waits.
         let status = process
             .stdin(Stdio::null())
@@ -414,7 +452,8 @@ impl Design {
 impl Stage {
     /// The command that a user would write.
     fn command(&self) -> Vec<String> {
-        let words = self.arguments.iter().chain(&self.files).cloned();
+        let (first, rest) = self.arguments.split_at(1.min(self.arguments.len()));
+        let words = first.iter().chain(&self.files).chain(rest).cloned();
         std::iter::once("coaxdesign".to_string()).chain(words).collect()
     }
 
@@ -445,7 +484,16 @@ impl Stage {
 
     fn record(&self, directory: &Path, inputs: String, ended: Ended) -> Result<Record, CliError> {
         let mut outputs = BTreeMap::new();
-        for file in &self.writes {
+        let mut files = self.writes.clone();
+        if let Some(folder) = &self.fills {
+            let place = directory.join(folder);
+            let fault = |source| CliError::Io { path: place.clone(), source };
+            for entry in std::fs::read_dir(&place).map_err(fault)? {
+                let name = entry.map_err(fault)?.file_name();
+                files.push(format!("{folder}/{}", name.to_string_lossy()));
+            }
+        }
+        for file in &files {
             let known = hash_of(&directory.join(file)).ok_or_else(|| {
                 CliError::Internal(format!("stage {} wrote no {file}", self.name))
             })?;
@@ -453,6 +501,12 @@ impl Stage {
         }
         Ok(Record { inputs, outputs, ended })
     }
+}
+
+/// Whether the program has a subcommand.
+fn knows(subcommand: &str) -> bool {
+    use clap::CommandFactory as _;
+    super::Cli::command().find_subcommand(subcommand).is_some()
 }
 
 /// Hash of a text file; none where it cannot be read.
@@ -510,12 +564,12 @@ mod tests {
     fn a_stage_is_another_when_anything_it_reads_changes() {
         let directory = tempfile::tempdir().unwrap();
         let stage = |argument: &str| Stage {
-            name: "report",
+            name: "report".into(),
             arguments: vec!["report".into(), argument.into()],
-            files: vec![],
             specified: argument != "unspecified",
             reads: vec!["schedule.json".into()],
             writes: vec!["report.html".into()],
+            ..Stage::default()
         };
         let sources = ["a".to_string(), "b".to_string()];
         let key =

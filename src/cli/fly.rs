@@ -88,10 +88,10 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
             other => return Err(usage(format!("there is no {other:?} to vary"))),
         }
     }
-    if variation.delay < 0.0 {
+    if variation.delay < 0.0 || variation.turbulence.is_some_and(|wind| wind < 0.0) {
         return Err(CliError::Usage {
-            message: "--model delay: it cannot be less than the hardware's".into(),
-            help: "give an extra delay of zero or more".into(),
+            message: "--model: an extra delay and a wind cannot be negative".into(),
+            help: "give zero or more".into(),
         });
     }
     Ok(variation)

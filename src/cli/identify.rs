@@ -12,7 +12,6 @@ use super::fly::load_schedule;
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
 use crate::control::axis::{Axis, Channel, GainSet};
-use crate::control::law::LawTable;
 use crate::control::loops::{Cut, LoopModel};
 use crate::control::metrics::{self, Sampled, decibels};
 use crate::control::models::{airframe, from_state_space};
@@ -98,14 +97,14 @@ impl Identify {
             LoopModel::new(&plant, &point.inversion, &table.settings, schedule.hardware, 0.0, grid)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
         let gains = inner_only(&point.gains);
-        let law = Autopilot { table: table.clone(), stick_limits: schedule.stick_limits };
+        let law = Autopilot { table, stick_limits: schedule.stick_limits };
         let options = Options::new(schedule.hardware, spec::builtin()?.pitch_rate_limit);
         let measured =
             measure_axes(&vehicle, &start, &law, &options, &Sweep::default(), &Axis::ALL)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
         let pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model, &gains)).collect();
         if let Some(path) = &self.plot {
-            let svg = figure(&measured, &model, &gains, &table, speed);
+            let svg = figure(&measured, &model, &gains, speed);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         let text = match self.format.format {
@@ -241,13 +240,7 @@ fn as_json(pairs: &[Pair], measured: &[Measured], speed: f64) -> Json {
     })
 }
 
-fn figure(
-    measured: &[Measured],
-    model: &LoopModel,
-    gains: &GainSet,
-    _table: &LawTable,
-    speed: f64,
-) -> String {
+fn figure(measured: &[Measured], model: &LoopModel, gains: &GainSet, speed: f64) -> String {
     let channels: Vec<BodeChannel> = measured
         .iter()
         .map(|m| {

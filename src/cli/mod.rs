@@ -11,8 +11,10 @@ mod compare;
 mod completions;
 mod design;
 mod error;
+mod export;
 mod fly;
 mod identify;
+mod import;
 mod linearize;
 mod man;
 mod models;
@@ -74,6 +76,10 @@ pub enum Command {
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
     Verify(verify::Verify),
+    /// Write a gain schedule in the form of another program
+    Export(export::Export),
+    /// Read a gain schedule of another program, or written by hand
+    Import(import::Import),
     /// Run the whole pipeline into a directory, changed stages only
     Design(design::Design),
     /// Write a design as one HTML page
@@ -96,7 +102,7 @@ pub enum Command {
     Validate(validate::Validate),
     /// Check a problem file and show what was understood
     Check(check::Check),
-    /// Write the JSON Schema of problem files, for editors
+    /// Write the JSON Schema of problem files or of results, for editors and other programs
     Schema(schema::Schema),
     /// Write a commented problem file to start from
     New(new::New),
@@ -112,6 +118,8 @@ impl Command {
             Command::Trim(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
+            Command::Export(command) => command.run(),
+            Command::Import(command) => command.run(),
             Command::Design(command) => command.run(),
             Command::Report(command) => command.run(),
             Command::Compare(command) => command.run(),

@@ -119,6 +119,70 @@ impl WholeFile {
     }
 }
 
+/// Writes several files into a directory, which is made if it is not there:
+/// all of them or none. Every file is first written whole under another name;
+/// then all take their names, and if one cannot, those before it give theirs
+/// back to what was there.
+///
+/// # Errors
+/// [`CliError::Exists`] and [`CliError::Io`].
+pub fn write_set(
+    directory: &Path,
+    files: &[(String, Vec<u8>)],
+    overwrite: bool,
+) -> Result<(), CliError> {
+    let fault = |path: &Path| {
+        let path = path.to_path_buf();
+        move |source| CliError::Io { path, source }
+    };
+    let targets: Vec<PathBuf> = files.iter().map(|f| directory.join(&f.0)).collect();
+    for target in &targets {
+        if target.is_dir() {
+            return Err(fault(target)(ErrorKind::IsADirectory.into()));
+        }
+        if target.symlink_metadata().is_ok() && !overwrite {
+            return Err(CliError::Exists { path: target.clone() });
+        }
+    }
+    std::fs::create_dir_all(directory).map_err(fault(directory))?;
+    // On the same file system as the targets, so that a rename suffices.
+    let stage = tempfile::Builder::new()
+        .prefix(".coaxdesign-")
+        .tempdir_in(directory)
+        .map_err(fault(directory))?;
+    let (new, old) = (stage.path().join("new"), stage.path().join("old"));
+    for part in [&new, &old] {
+        std::fs::create_dir(part).map_err(fault(directory))?;
+    }
+    for (name, bytes) in files {
+        let path = new.join(name);
+        let mut file = std::fs::File::create(&path).map_err(fault(&directory.join(name)))?;
+        file.write_all(bytes).map_err(fault(&directory.join(name)))?;
+        file.sync_all().map_err(fault(&directory.join(name)))?;
+    }
+    for (k, ((name, _), target)) in files.iter().zip(&targets).enumerate() {
+        let placed = (|| {
+            if target.symlink_metadata().is_ok() {
+                std::fs::rename(target, old.join(name))?;
+            }
+            std::fs::rename(new.join(name), target)
+        })();
+        if let Err(source) = placed {
+            for ((name, _), target) in files.iter().zip(&targets).take(k + 1) {
+                let kept = old.join(name);
+                // The first failure is the one to report.
+                let _ = if kept.symlink_metadata().is_ok() {
+                    std::fs::rename(kept, target)
+                } else {
+                    std::fs::remove_file(target)
+                };
+            }
+            return Err(fault(target)(source));
+        }
+    }
+    Ok(())
+}
+
 /// Writes a text to standard output. A reader that has had enough and closed
 /// the pipe is no error.
 ///
@@ -216,6 +280,31 @@ mod tests {
             write_whole(&directory.path().join("none/x"), b"x", true),
             Err(CliError::Io { .. })
         ));
+    }
+
+    #[test]
+    fn a_set_is_written_whole_or_not_at_all() {
+        let directory = tempfile::tempdir().unwrap();
+        let place = directory.path().join("sub");
+        let set = |text: &str| {
+            ["a", "b"].map(|n| (n.to_string(), format!("{n} {text}").into_bytes())).to_vec()
+        };
+        let read = |n: &str| std::fs::read_to_string(place.join(n)).unwrap();
+        write_set(&place, &set("first"), false).unwrap();
+        assert_eq!((read("a"), read("b")), ("a first".into(), "b first".into()));
+        // One that is there stops both.
+        std::fs::remove_file(place.join("a")).unwrap();
+        assert!(matches!(write_set(&place, &set("x"), false), Err(CliError::Exists { .. })));
+        assert!(!place.join("a").exists());
+        // So does one that cannot be written.
+        let mut bad = set("x");
+        bad[1].0 = "none/b".into();
+        assert!(matches!(write_set(&place, &bad, true), Err(CliError::Io { .. })));
+        assert!(!place.join("a").exists());
+        assert_eq!(read("b"), "b first");
+        write_set(&place, &set("second"), true).unwrap();
+        assert_eq!((read("a"), read("b")), ("a second".into(), "b second".into()));
+        assert_eq!(std::fs::read_dir(&place).unwrap().count(), 2);
     }
 
     #[cfg(unix)]

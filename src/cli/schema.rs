@@ -1,21 +1,41 @@
 //! `coaxdesign schema`.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::args::OutputArgs;
 use super::{CliError, Outcome};
+use crate::export::schema::{law_schema, schedule_schema};
 use crate::problem;
 
-/// Write the JSON Schema of problem files, for editors
+/// Write the JSON Schema of problem files or of results, for editors and other programs
 #[derive(Debug, Args)]
 pub struct Schema {
+    /// Files that the schema is of
+    #[arg(long = "of", value_enum, default_value = "problem")]
+    kind: Kind,
     #[command(flatten)]
     output: OutputArgs,
 }
 
+/// Files that have a schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// Problem files
+    Problem,
+    /// schedule.json
+    Schedule,
+    /// The JSON export of a schedule
+    Law,
+}
+
 impl Schema {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
-        let text = serde_json::to_string_pretty(&problem::schema::json_schema())
+        let schema = match self.kind {
+            Kind::Problem => problem::schema::json_schema(),
+            Kind::Schedule => schedule_schema(),
+            Kind::Law => law_schema(),
+        };
+        let text = serde_json::to_string_pretty(&schema)
             .map_err(|error| CliError::Internal(error.to_string()))?;
         self.output.write(&(text + "\n"))
     }

@@ -382,7 +382,11 @@ fn figure(
         (0..kept.rows.len())
             .step_by(stride)
             .map(|k| {
-                let rows = &kept.rows[(k + 1).saturating_sub(window)..=k];
+                if k + 1 < window {
+                    // Not a whole revolution yet: a gap.
+                    return f64::NAN;
+                }
+                let rows = &kept.rows[k + 1 - window..=k];
                 let sum: f64 = rows.iter().map(|row| row[index]).sum();
                 kind.from_si(sum / rows.len() as f64, system)
             })

@@ -28,8 +28,8 @@
 //! φ_c' = (1 − b) φ_c + b (φ_trim + atan(V ψ'_c/g)). It hands over from one to
 //! the other without a step, because both ask for the same bank. So that yaw
 //! and bank go into a turn together, the yaw command is led through the
-//! attitude command model as the speed nears the turn-coordination speed, and
-//! its own lag is made up for.
+//! attitude command model as the speed nears half the turn-coordination speed,
+//! and its own lag is made up for.
 //!
 //! Under a velocity command the schedule is read at the speed of the
 //! reference, not of the aircraft. Read at the speed that is flown, the trim
@@ -201,20 +201,22 @@ pub enum Horizontal {
 }
 
 /// Largest attitudes that the outer loop may command, rad.
-const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
+pub const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// How much slower velocity references are than attitude references: their
 /// time constant is this over the natural frequency.
-const OUTER_SLOWNESS: f64 = 4.0;
+pub const OUTER_SLOWNESS: f64 = 4.0;
 /// Largest horizontal acceleration of a velocity reference, m/s².
-const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
+pub const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
 /// Farthest that the speed of the schedule may lie from the speed that is
 /// flown, m/s.
-const SCHEDULE_LEAD: f64 = 5.0;
+pub const SCHEDULE_LEAD: f64 = 5.0;
+/// The yaw command is led in full from the turn-coordination speed over this.
+pub const YAW_LEAD: f64 = 2.0;
 /// Forward speed below which rolling asks for no yaw, m/s.
-const SLOW: f64 = 5.0;
+pub const SLOW: f64 = 5.0;
 /// Time constant with which the lateral velocity integral is forgotten where
 /// turn coordination has taken over, s.
-const FORGETTING: f64 = 1.0;
+pub const FORGETTING: f64 = 1.0;
 
 /// A reference: value and derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -434,8 +436,9 @@ impl Controller {
                     ((commands[k] - self.velocity_commands[k]) * frequencies[k] / OUTER_SLOWNESS)
                         .clamp(-ACCELERATION_LIMIT, ACCELERATION_LIMIT)
                 });
-                for k in 0..2 {
-                    self.velocity_commands[k] += dt * acceleration[k];
+                for (velocity, acceleration) in self.velocity_commands.iter_mut().zip(acceleration)
+                {
+                    *velocity += dt * acceleration;
                 }
                 let errors = [due[VELOCITY][0] - forward, due[VELOCITY + 1][0] - right];
                 let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
@@ -452,13 +455,13 @@ impl Controller {
                 // Where turn coordination has the bank, the lateral integral
                 // has nothing to do and is forgotten.
                 let share = [1.0, 1.0 - blend];
-                for k in 0..2 {
+                for (k, share) in share.into_iter().enumerate() {
                     // Anti-windup: hold while the attitude limit is reached.
                     let outward = raw[k].abs() > ATTITUDE_LIMIT && raw[k] * errors[k] > 0.0;
                     if !outward {
-                        self.velocity_integrals[k] += dt * share[k] * errors[k];
+                        self.velocity_integrals[k] += dt * share * errors[k];
                     }
-                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share[k]) / FORGETTING;
+                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share) / FORGETTING;
                 }
                 let limited = raw.map(|r| r.clamp(-ATTITUDE_LIMIT, ATTITUDE_LIMIT));
                 (trim.roll + limited[1], trim.pitch - limited[0])
@@ -478,14 +481,14 @@ impl Controller {
         if velocity_mode {
             // What the aircraft can do of a velocity: the attitude command
             // model stands between.
-            for k in 0..2 {
+            for (k, frequency) in frequencies.into_iter().enumerate() {
                 let command = self.velocity_commands[k];
-                attitude(&mut self.references[VELOCITY + k], command, frequencies[k]);
+                attitude(&mut self.references[VELOCITY + k], command, frequency);
             }
         }
         // The heading turns no sooner than the bank that must go with it.
         attitude(&mut self.turn, demand.heading_rate, settings.roll_frequency);
-        let together = (m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
+        let together = (YAW_LEAD * m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
         let led = self.turn.value + settings.yaw_time_constant * self.turn.rate;
         let heading_rate = (1.0 - together) * demand.heading_rate + together * led;
         // In a coordinated turn the aircraft rolls about its flight path: to
@@ -587,8 +590,8 @@ impl Controller {
             let across = (1.0 - blend) * to(VELOCITY + 1) - blend * lifted * sr / cr;
             let body =
                 [along * cp - down * sp, across * cr + lifted * sr, lifted * cr - across * sr];
-            for k in 0..3 {
-                ideal[rigid::U + k] = body[k] - tv[k];
+            for (k, (body, trim)) in body.into_iter().zip(tv).enumerate() {
+                ideal[rigid::U + k] = body - trim;
             }
             self.model = [ideal[rigid::U], ideal[rigid::V]];
         }

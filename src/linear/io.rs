@@ -465,9 +465,17 @@ pub fn set_to_mat(set: &ModelSet, system: System) -> Vec<u8> {
     file.bytes
 }
 
-/// Writer of MAT level 5 files (MathWorks, "MAT-File Format", chapter 1).
-struct MatFile {
+/// Writer of MAT level 5 files (MathWorks, "MAT-File Format", chapter 1),
+/// uncompressed and little-endian.
+#[derive(Debug, Clone)]
+pub struct MatFile {
     bytes: Vec<u8>,
+}
+
+impl Default for MatFile {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 mod mat {
@@ -483,7 +491,8 @@ mod mat {
 }
 
 impl MatFile {
-    fn new() -> Self {
+    /// A file without variables.
+    pub fn new() -> Self {
         // 116 bytes of text, 8 of subsystem offset, version, byte order.
         let mut bytes = b"MATLAB 5.0 MAT-file, written by coaxdesign".to_vec();
         bytes.resize(124, b' ');
@@ -493,19 +502,28 @@ impl MatFile {
         Self { bytes }
     }
 
-    fn array(&mut self, name: &str, dimensions: &[usize], values: &[f64]) {
+    /// The file as it is.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// Adds an array of doubles, the first index running fastest.
+    pub fn array(&mut self, name: &str, dimensions: &[usize], values: &[f64]) {
         let body = numeric(name, dimensions, values);
         element(&mut self.bytes, mat::MATRIX, &body);
     }
 
-    fn cell_of_text(&mut self, name: &str, texts: &[&str]) {
+    /// Adds a text.
+    pub fn text(&mut self, name: &str, text: &str) {
+        let body = characters(name, text);
+        element(&mut self.bytes, mat::MATRIX, &body);
+    }
+
+    /// Adds a cell column of texts.
+    pub fn cell_of_text(&mut self, name: &str, texts: &[&str]) {
         let mut body = header(mat::CELL_CLASS, name, &[texts.len(), 1]);
         for text in texts {
-            let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-            let length = units.len() / 2;
-            let mut cell = header(mat::CHAR_CLASS, "", &[usize::from(length > 0), length]);
-            element(&mut cell, mat::UINT16, &units);
-            element(&mut body, mat::MATRIX, &cell);
+            element(&mut body, mat::MATRIX, &characters("", text));
         }
         element(&mut self.bytes, mat::MATRIX, &body);
     }
@@ -555,6 +573,14 @@ fn header(class: u32, name: &str, dimensions: &[usize]) -> Vec<u8> {
         .collect();
     element(&mut out, mat::INT32, &sizes);
     element(&mut out, mat::INT8, name.as_bytes());
+    out
+}
+
+fn characters(name: &str, text: &str) -> Vec<u8> {
+    let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let length = units.len() / 2;
+    let mut out = header(mat::CHAR_CLASS, name, &[usize::from(length > 0), length]);
+    element(&mut out, mat::UINT16, &units);
     out
 }
 

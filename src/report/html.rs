@@ -430,4 +430,32 @@ mod tests {
         assert!(html.contains("<td class=\"number bad\">-3.0</td>"));
         assert!(html.contains("<td>roll &lt;phase&gt;</td>"));
     }
+
+    #[test]
+    fn judgements_facts_and_folds_say_it_in_words() {
+        let mut table = Table::new("All", vec![Column::text("a")]);
+        table.row([Cell::from("x")]);
+        let html = Page::new("t")
+            .section(
+                Section::new("s")
+                    .heading("Part <1>")
+                    .verdict(Highlight::Bad, "Not met.", "Two & three.")
+                    .facts(vec![("weight".into(), "992 lbf".into())])
+                    .diagram(Diagram::new("Loop", 100.0, 50.0), "A loop")
+                    .folded("Everything", table),
+            )
+            .to_html();
+        for part in [
+            "<h3>Part &lt;1&gt;</h3>",
+            "<p class=\"verdict bad\"><strong>Not met.</strong> Two &amp; three.</p>",
+            "<dt>weight</dt><dd>992 lbf</dd>",
+            "<figcaption>Figure 1. A loop</figcaption>",
+            "<details><summary>Everything</summary>",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        let text = markup(&html);
+        let mut reader = quick_xml::Reader::from_str(&text);
+        while !matches!(reader.read_event().expect("well-formed markup"), Event::Eof) {}
+    }
 }

@@ -99,7 +99,7 @@ pub fn outer_loop(labels: &LawLabels) -> Diagram {
         .wire(&[[795.0, bottom], [850.0, bottom]], "φ' cmd")
         .wire(&[[8.0, 258.0], [585.0, 258.0]], "")
         .text([40.0, 258.0], Anchor::Above, "ψ' cmd")
-        .block([665.0, 258.0], [160.0, 32.0], &["φ_{turn} = φ trim + atan(V ψ'/g)"])
+        .block([675.0, 258.0], [180.0, 32.0], &["φ_{turn} = φ trim + atan(V ψ'/g)"])
         .wire(&[[725.0, 242.0], [725.0, bottom + 25.0]], "")
 }
 
@@ -140,8 +140,8 @@ pub fn inner_loop(labels: &LawLabels) -> Diagram {
         .sum([370.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
         .wire(&[[370.0 + r, y], [400.0, y]], "")
         .strong_block([447.0, y], [94.0, 44.0], &["K_{P} + K_{I}/s", "+ K_{D} s"])
-        .line(&[[494.0, y], [509.0, y]], "")
-        .wire(&[[521.0, y], [560.0 - r, y]], "ν_{e}")
+        .line(&[[494.0, y], [509.0, y]], "ν_{e}")
+        .wire(&[[521.0, y], [560.0 - r, y]], "")
         .sum([560.0, y], &[(Anchor::Left, "+"), (Anchor::Below, "−")])
         .wire(&[[560.0 + r, y], [615.0, y]], "")
         .strong_block([665.0, y], [100.0, 44.0], &["M", "allocation"])

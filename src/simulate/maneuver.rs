@@ -6,7 +6,7 @@ use super::equipment::SensorNoise;
 use super::wind::{Gust, GustShape, Turbulence, Weather};
 use crate::control::law::{Demand, Horizontal};
 use crate::problem::keys::{
-    Key, Table, Value, above_below, above_to, default, from_to, optional, required,
+    Bounds, Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
 use crate::problem::read::{CheckedTable, Reader};
 use crate::problem::{Diagnostic, Place, Report, STICKS, Severity, Sources, tree};
@@ -245,7 +245,6 @@ impl Maneuver {
 }
 
 const TIMES: Bounds = from_to("0 s", "36000 s");
-type Bounds = crate::problem::keys::Bounds;
 const SPEEDS: Bounds = from_to("-200 kt", "200 kt");
 
 const fn profile_keys(kind: Kind, bounds: Bounds) -> [Key; 3] {

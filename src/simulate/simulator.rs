@@ -181,9 +181,11 @@ impl<'a> Simulator<'a> {
         let mut measured = [0.0; MEASURED];
         measured[..body.count].copy_from_slice(&mean[..body.count]);
         measured[MEASURED - 1] = vehicle.navigation(mean)[1];
-        for k in 0..3 {
-            state[body.velocity + k] += wind[k];
-            measured[k] += wind_mean[k];
+        for (velocity, wind) in state[body.velocity..].iter_mut().zip(wind) {
+            *velocity += wind;
+        }
+        for (velocity, wind) in measured.iter_mut().zip(wind_mean) {
+            *velocity += wind;
         }
         let mut effectors = vec![0.0; vehicle.effector_count()];
         vehicle.mix(&trim.sticks, &mut effectors);
@@ -419,8 +421,8 @@ impl<'a> Simulator<'a> {
         let mut air = [0.0; Layout::BODY.count];
         air.copy_from_slice(&self.state[..body.count]);
         let wind = self.wind_body();
-        for k in 0..3 {
-            air[body.velocity + k] -= wind[k];
+        for (velocity, wind) in air[body.velocity..].iter_mut().zip(wind) {
+            *velocity -= wind;
         }
         measured[MEASURED - 1] = vehicle.navigation(&air)[1];
         self.filter.advance(measured);

@@ -118,7 +118,12 @@ mod tests {
         let through = through.evaluate(&input);
         for k in 0..8 {
             let factor = if k == 1 || k == 2 { 0.5 } else { 1.0 };
-            assert_relative_eq!(through[k], factor * usual[k], max_relative = 1e-3, epsilon = 1e-12);
+            assert_relative_eq!(
+                through[k],
+                factor * usual[k],
+                max_relative = 1e-3,
+                epsilon = 1e-12
+            );
         }
     }
 

@@ -49,7 +49,8 @@ const FIRST_ROTOR: usize = 2;
 
 /// A quantity with its unit, for people.
 fn shown(kind: Kind, value: f64, digits: usize, system: System) -> String {
-    format!("{} {}", significant(kind.from_si(value, system), digits), kind.symbol(system))
+    let unit = kind.symbol(system).replace("^2", "²").replace("^3", "³");
+    format!("{} {unit}", significant(kind.from_si(value, system), digits))
 }
 
 fn speed_of(value: f64, system: System) -> String {
@@ -132,7 +133,7 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
     if let Some(worst) = least(v.rows.iter()) {
         text += &format!(
             " The least design margin is {} %: {}.",
-            decimals(worst.design_margin_percent.unwrap_or(f64::NAN), 0),
+            decimals(worst.design_margin_percent.unwrap_or(f64::NAN), 0).replace('-', "−"),
             place_of(worst, system)
         );
     }
@@ -142,7 +143,10 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
             checked.left_out.len()
         );
     }
-    if v.passed && checked.left_out.is_empty() {
+    if v.passed && checked.left_out.is_empty() && within < checked.authority.len() {
+        let headline = "Every margin is met, but step commands ask for more than the blades have.";
+        (Highlight::Warning, headline, text)
+    } else if v.passed && checked.left_out.is_empty() {
         (Highlight::Good, "Every requirement is met.", text)
     } else if v.nominal_passed {
         (Highlight::Warning, "Met by the nominal model, not by every other.", text)
@@ -175,8 +179,8 @@ fn requirement(row: &Row) -> String {
         Some("pm_deg") => "phase margin".into(),
         Some("gm_up_db") => "gain margin upward".into(),
         Some("gm_down_db") => "gain margin downward".into(),
-        Some("drb_rad_s") => "disturbance rejection bandwidth".into(),
-        Some("drp_db") => "disturbance rejection peak".into(),
+        Some("drb_rad_s") => "rejection bandwidth".into(),
+        Some("drp_db") => "rejection peak".into(),
         Some("crossover_min_rad_s") => "least crossover".into(),
         Some("crossover_max_rad_s") => "largest crossover".into(),
         Some(other) => other.replace('_', " "),

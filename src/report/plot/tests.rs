@@ -309,3 +309,58 @@ fn subscripts_are_set_and_stripped_from_hover_texts() {
     assert!(svg.contains("<title>KI, b_c: 2 points"));
     assert!(svg.contains(", b_c</tspan></text>"));
 }
+
+#[test]
+fn a_narrow_figure_has_one_column_that_fits_a_phone() {
+    let wide = sample();
+    let narrow = wide.narrow().expect("two columns are wide");
+    let width = |figure: &Figure| -> f64 {
+        attribute(&parse(&figure.to_svg())[0], "width").unwrap().parse().unwrap()
+    };
+    assert!(width(&narrow) < 375.0, "{}", width(&narrow));
+    assert!(width(&wide) > 1.5 * width(&narrow));
+    // Nothing is lost, and what is narrow stays.
+    assert_eq!(narrow.notes(), wide.notes());
+    assert_eq!(narrow.narrow(), None);
+    assert!(narrow.class("narrow").to_svg().contains("class=\"cx-plot narrow\""));
+}
+
+#[test]
+fn a_script_finds_names_units_and_places() {
+    let figure = Figure::new("t").panel(
+        Panel::new(Axis::linear("airspeed", "kt").range(0.0, 10.0), Axis::linear("P_{s}", "hp"))
+            .line(Series::new("", &[0.0, 10.0], &[1.0, 2.0]).hint("upper, on").marks()),
+    );
+    let elements = parse(&figure.to_svg());
+    let panel = elements.iter().find(|e| attribute(e, "data-frame").is_some()).unwrap();
+    assert_eq!(attribute(panel, "data-x-name"), Some("airspeed"));
+    assert_eq!(attribute(panel, "data-x-unit"), Some("kt"));
+    assert_eq!(attribute(panel, "data-y-name"), Some("Ps"));
+    assert!(elements.iter().any(|e| attribute(e, "data-label") == Some("upper, on")));
+    // A mark says where it is: the ends of the axis are the sides of the frame.
+    let frame: Vec<f64> =
+        attribute(panel, "data-frame").unwrap().split(' ').map(|n| n.parse().unwrap()).collect();
+    let places: Vec<f64> = elements
+        .iter()
+        .filter_map(|e| attribute(e, "data-at"))
+        .map(|at| at.split(' ').next().unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(places.len(), 2);
+    assert!((places[0] - frame[0]).abs() < 0.011);
+    assert!((places[1] - frame[0] - frame[2]).abs() < 0.011);
+}
+
+#[test]
+fn appended_panels_keep_their_figure_s_title() {
+    let one = |title: &str| {
+        Figure::new(title).panel(
+            Panel::new(Axis::linear("x", ""), Axis::linear("y", "")).line(Series::new(
+                "s",
+                &[0.0, 1.0],
+                &[0.0, 1.0],
+            )),
+        )
+    };
+    let svg = Figure::new("all").append(one("roll")).append(one("pitch")).to_svg();
+    assert!(svg.contains(">roll</text>") && svg.contains(">pitch</text>"));
+}

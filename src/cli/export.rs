@@ -1,0 +1,236 @@
+//! `coaxdesign export`.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum};
+
+use super::tune::usage;
+use super::{CliError, Outcome, output};
+use crate::export::{self, ExportError, Format, Options, Precision};
+use crate::schedule::{self, Schedule};
+use crate::units::{Kind, parse_quantity};
+
+/// Write a gain schedule in the form of another program
+///
+/// Every form carries gains, model inversion, trims, units, signs and rules, or runs the law
+/// itself. A schedule that is not known to meet its requirements, or is of another schema, is
+/// refused.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Schedule file, or a directory with a schedule.json
+    #[arg(value_name = "SCHEDULE", required_unless_present = "list")]
+    schedule: Option<PathBuf>,
+    /// Form to write
+    #[arg(long, value_enum, value_name = "FORMAT", required_unless_present = "list")]
+    to: Option<Format>,
+    /// List the forms
+    #[arg(long, exclusive = true)]
+    list: bool,
+    /// Directory to write to; a single text goes to standard output without it
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Replace files that are already there
+    #[arg(long)]
+    force: bool,
+    /// Export even if the schedule is not known to meet its requirements, or is of another
+    /// schema; what is written says so
+    #[arg(long)]
+    unverified: bool,
+    /// Name of files and prefix of identifiers [default: the aircraft's]
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Interval at which the law is stepped: for c, rust, jsbsim, fmu, vectors
+    #[arg(long, value_name = "TIME", default_value = "0.01 s")]
+    step: String,
+    /// Width of numbers: for c, rust
+    #[arg(long, value_enum, default_value = "double")]
+    precision: PrecisionName,
+    /// True airspeed of the one condition: for ardupilot
+    #[arg(long, value_name = "SPEED", default_value = "0 kt")]
+    speed: String,
+    /// C compiler that builds a shared object for this machine into the FMU; without it the FMU
+    /// holds its C sources only
+    #[arg(long, value_name = "CC")]
+    cc: Option<String>,
+}
+
+/// Widths by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PrecisionName {
+    /// 32 bit
+    Float,
+    /// 64 bit
+    Double,
+}
+
+impl ValueEnum for Format {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [Format; Format::ALL.len()] = {
+            let mut all = [Format::Json; Format::ALL.len()];
+            let mut k = 0;
+            while k < all.len() {
+                all[k] = Format::ALL[k].format;
+                k += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let about = self.about();
+        Some(PossibleValue::new(about.name).help(about.content))
+    }
+}
+
+impl Export {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        let (Some(path), Some(format), false) = (&self.schedule, self.to, self.list) else {
+            output::print(&list())?;
+            return Ok(Outcome::Done);
+        };
+        let (schedule, foreign) = load(path, self.unverified)?;
+        let warnings = export::warnings(&schedule, foreign.as_deref());
+        if !warnings.is_empty() && !self.unverified {
+            return Err(usage(
+                format!("{}: {}", path.display(), warnings.join("; ")),
+                "--unverified exports it all the same, and what is written says so",
+            ));
+        }
+        for warning in &warnings {
+            output::note(&format!("warning: {warning}\n"));
+        }
+        let name = match &self.name {
+            Some(name) => name.clone(),
+            None => export::identifier(&schedule.name).ok_or_else(|| {
+                usage(
+                    format!("no identifier can be made of the aircraft's name '{}'", schedule.name),
+                    "--name gives one",
+                )
+            })?,
+        };
+        let mut options = Options {
+            name,
+            step: quantity("step", &self.step, Kind::Time)?,
+            precision: match self.precision {
+                PrecisionName::Float => Precision::Float,
+                PrecisionName::Double => Precision::Double,
+            },
+            speed: quantity("speed", &self.speed, Kind::Airspeed)?,
+            binary: None,
+        };
+        if let (Some(cc), Format::Fmu) = (&self.cc, format) {
+            let sources = export::binary_sources(&schedule, warnings.clone(), &options)
+                .map_err(|e| export_error(&e))?;
+            options.binary = Some(build(cc, &sources)?);
+        }
+        let files =
+            export::export(&schedule, warnings, format, &options).map_err(|e| export_error(&e))?;
+        let files: Vec<(String, Vec<u8>)> = files.into_iter().map(|f| (f.name, f.bytes)).collect();
+        match (&self.output, files.as_slice()) {
+            (Some(directory), _) => output::write_set(directory, &files, self.force)?,
+            (None, [(_, bytes)]) if std::str::from_utf8(bytes).is_ok() => {
+                output::print(&String::from_utf8_lossy(bytes))?;
+            }
+            (None, _) => {
+                let names: Vec<&str> = files.iter().map(|f| f.0.as_str()).collect();
+                return Err(usage(
+                    format!("'{}' is {}", format.about().name, names.join(" and ")),
+                    "-o DIR says where to write",
+                ));
+            }
+        }
+        Ok(Outcome::Done)
+    }
+}
+
+/// The forms, a line each.
+fn list() -> String {
+    let mut lines = vec![["FORMAT", "CONTENT", "FILES", "PROVEN IN"].map(String::from).to_vec()];
+    lines.extend(
+        Format::ALL
+            .iter()
+            .map(|a| [a.name, a.content, a.files, a.proven_in].map(String::from).to_vec()),
+    );
+    let width = |c: usize| lines.iter().map(|l| l[c].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..4).map(width).collect();
+    lines
+        .iter()
+        .map(|l| {
+            let cells: Vec<String> =
+                l.iter().zip(&widths).map(|(cell, w)| format!("{cell:<w$}")).collect();
+            cells.join("  ").trim_end().to_string() + "\n"
+        })
+        .collect()
+}
+
+fn quantity(flag: &str, text: &str, kind: Kind) -> Result<f64, CliError> {
+    parse_quantity(text, kind).map_err(|error| CliError::Usage {
+        message: format!("--{flag} {text:?}: {error}"),
+        help: error.help(),
+    })
+}
+
+fn export_error(error: &ExportError) -> CliError {
+    usage(error.to_string(), "look at the schedule with `coaxdesign verify`, and at the options")
+}
+
+/// Reads a schedule, or the one in a directory. With `any_schema` another
+/// schema is read as far as it fits ours; its name is then given too.
+///
+/// # Errors
+/// A file that cannot be read, or holds no schedule.
+pub(super) fn load(path: &Path, any_schema: bool) -> Result<(Schedule, Option<String>), CliError> {
+    let path = if path.is_dir() { path.join("schedule.json") } else { path.to_path_buf() };
+    let text = std::fs::read_to_string(&path)
+        .map_err(|source| CliError::Io { path: path.clone(), source })?;
+    let refused = |error: schedule::ScheduleError| {
+        let help = match &error {
+            schedule::ScheduleError::Schema { .. } => {
+                "--unverified reads it all the same, as far as it fits"
+            }
+            _ => "a schedule is written by `coaxdesign tune-gains -o DIR`",
+        };
+        usage(format!("{}: {error}", path.display()), help)
+    };
+    match Schedule::from_json(&text) {
+        Err(schedule::ScheduleError::Schema { found }) if any_schema => {
+            let mut value: serde_json::Value =
+                serde_json::from_str(&text).map_err(|e| refused(e.into()))?;
+            value["schema"] = schedule::SCHEMA.into();
+            let schedule = Schedule::from_json(&value.to_string()).map_err(refused)?;
+            Ok((schedule, Some(found)))
+        }
+        other => Ok((other.map_err(refused)?, None)),
+    }
+}
+
+/// A shared object of C sources for this machine.
+fn build(cc: &str, sources: &[export::File]) -> Result<Vec<u8>, CliError> {
+    let io = |path: &Path| {
+        let path = path.to_path_buf();
+        move |source| CliError::Io { path, source }
+    };
+    let directory = tempfile::tempdir().map_err(io(Path::new("temporary directory")))?;
+    let mut command = Command::new(cc);
+    command.current_dir(directory.path());
+    command.args(["-std=c99", "-O2", "-fPIC", "-shared", "-o", "law.so"]);
+    for file in sources {
+        let path = directory.path().join(&file.name);
+        std::fs::write(&path, &file.bytes).map_err(io(&path))?;
+        if file.name.ends_with(".c") {
+            command.arg(&file.name);
+        }
+    }
+    let result = command.arg("-lm").output().map_err(io(Path::new(cc)))?;
+    if !result.status.success() {
+        return Err(usage(
+            format!("{cc} failed: {}", String::from_utf8_lossy(&result.stderr).trim()),
+            "--cc names a C99 compiler",
+        ));
+    }
+    let path = directory.path().join("law.so");
+    std::fs::read(&path).map_err(io(&path))
+}

@@ -1,0 +1,75 @@
+//! `coaxdesign import`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::export::load;
+use super::tune::usage;
+use super::{CliError, Outcome, output};
+use crate::export::import::{Source, import};
+
+/// Read a gain schedule of another program, or written by hand
+///
+/// Reads JSON, TOML, CSV and MAT files (MATLAB's -v6 and -v7) that hold a whole schedule or a
+/// part of one, such as gains over speed. What is imported counts as not verified: `coaxdesign
+/// verify` checks it like any other.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// File to read; its ending says the form: .json, .toml, .csv, .mat
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Schedule, or directory of one, that gives what the file leaves out, at the file's speeds
+    #[arg(long, value_name = "SCHEDULE")]
+    base: Option<PathBuf>,
+    /// Directory for schedule.json; without it, the schedule goes to standard output
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Replace a schedule that is already there
+    #[arg(long)]
+    force: bool,
+}
+
+impl Import {
+    pub(super) fn run(self) -> Result<Outcome, CliError> {
+        let ending = self.file.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let source = match ending.to_ascii_lowercase().as_str() {
+            "json" => Source::Json,
+            "toml" => Source::Toml,
+            "csv" => Source::Csv,
+            "mat" => Source::Mat,
+            _ => {
+                return Err(usage(
+                    format!("{}: the ending says no form that can be read", self.file.display()),
+                    ".json, .toml, .csv and .mat are read",
+                ));
+            }
+        };
+        let bytes = std::fs::read(&self.file)
+            .map_err(|source| CliError::Io { path: self.file.clone(), source })?;
+        let base = match &self.base {
+            Some(path) => Some(load(path, false)?.0),
+            None => None,
+        };
+        let origin = self.file.file_name().map_or_else(String::new, |n| n.display().to_string());
+        let imported = import(&bytes, source, &origin, base.as_ref()).map_err(|error| {
+            usage(
+                format!("{}: {error}", self.file.display()),
+                "docs/exports.md shows the forms; --base SCHEDULE fills what a file leaves out",
+            )
+        })?;
+        let text =
+            imported.schedule.to_json().map_err(|error| CliError::Internal(error.to_string()))?;
+        match &self.output {
+            Some(directory) => {
+                let files = [("schedule.json".to_string(), text.into_bytes())];
+                output::write_set(directory, &files, self.force)?;
+            }
+            None => output::print(&text)?,
+        }
+        if !imported.from_base.is_empty() {
+            output::note(&format!("from the base: {}\n", imported.from_base.join(", ")));
+        }
+        Ok(Outcome::Done)
+    }
+}

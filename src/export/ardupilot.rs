@@ -1,0 +1,176 @@
+//! ArduPilot: parameters of one speed, and the tables in Lua.
+//!
+//! ArduPilot's helicopter runs cascades of its own, without model inversion.
+//! The parameters make its roll, pitch, yaw and velocity loops answer errors
+//! in their own axis as the law does at one speed: rates to attitude and PI
+//! controllers from K_D, K_P, K_I and the diagonal of M, in ArduPilot's
+//! normalised output, 1 for 100 %. Couplings, the F terms, the command models
+//! and the trims are not in them; they are in the Lua tables, for a script.
+
+use super::text::{comment, fill, number};
+use super::{ExportError, File, Input, Precision};
+use crate::control::axis::{Axis, Channel};
+use crate::units::KNOT;
+
+const SCRIPT: &str = include_str!("templates/schedule.lua");
+
+/// Stick travel of ArduPilot's output 1, %.
+const FULL: f64 = 100.0;
+
+/// Parameter file and script.
+pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
+    let name = &input.options.name;
+    Ok(vec![
+        File::text(format!("{name}.param"), parameters(input)?),
+        File::text(format!("{name}_schedule.lua"), script(input)),
+    ])
+}
+
+/// Gains of a P controller on attitude in front of a PI controller on rate
+/// that answer as K_D, K_P, K_I do: with D = `k_d`, a in front and P, I behind,
+/// a P + I = K_P, a I = K_I, P = K_D.
+///
+/// The angle controller has the quicker of the two roots, so that I is the
+/// smaller one. `None` where K_P² < 4 K_D K_I: no such pair exists.
+pub fn cascade(k_d: f64, k_p: f64, k_i: f64) -> Option<[f64; 3]> {
+    let root = k_p * k_p - 4.0 * k_d * k_i;
+    if k_d <= 0.0 || k_p <= 0.0 || root < 0.0 {
+        return None;
+    }
+    let angle = (k_p + root.sqrt()) / (2.0 * k_d);
+    Some([angle, k_d, k_i / angle])
+}
+
+fn parameters(input: &Input) -> Result<String, ExportError> {
+    let speed = input.options.speed;
+    let p = input.law.at(speed);
+    let gains = |c: Channel| p.gains[c.index()];
+    let mut lines: Vec<(String, f64)> = Vec::new();
+    let mut remarks = Vec::new();
+    for axis in Axis::ALL {
+        let g = gains(axis.into());
+        let scale = p.inversion.allocation[(axis.effector().index(), axis.index())] / FULL;
+        if axis != Axis::Heave && scale < 0.0 {
+            remarks.push(format!(
+                "{axis}: the stick acts the other way round; reverse its output in ArduPilot"
+            ));
+        }
+        let scale = scale.abs();
+        match axis {
+            Axis::Roll | Axis::Pitch => {
+                let key = if axis == Axis::Roll { "RLL" } else { "PIT" };
+                let [angle, rate_p, rate_i] =
+                    cascade(g.k_d, g.k_p, g.k_i).ok_or_else(|| ExportError::Format {
+                        format: "ardupilot",
+                        reason: format!(
+                            "{axis} gains {:.4}, {:.4}, {:.4} at {:.1} kt have no cascade of a P \
+                             and a PI controller (K_P^2 < 4 K_D K_I)",
+                            g.k_d,
+                            g.k_p,
+                            g.k_i,
+                            speed / KNOT
+                        ),
+                    })?;
+                lines.push((format!("ATC_ANG_{key}_P"), angle));
+                lines.push((format!("ATC_RAT_{key}_P"), rate_p * scale));
+                lines.push((format!("ATC_RAT_{key}_I"), rate_i * scale));
+                lines.push((format!("ATC_RAT_{key}_D"), 0.0));
+            }
+            Axis::Yaw => {
+                lines.push(("ATC_RAT_YAW_P".into(), g.k_p * scale));
+                lines.push(("ATC_RAT_YAW_I".into(), g.k_i * scale));
+                lines.push(("ATC_RAT_YAW_D".into(), 0.0));
+            }
+            Axis::Heave => {
+                lines.push(("PSC_VELZ_P".into(), g.k_p));
+                lines.push(("PSC_VELZ_I".into(), g.k_i));
+            }
+        }
+    }
+    let (x, y) = (gains(Channel::Vx), gains(Channel::Vy));
+    // ArduPilot has one controller for both directions.
+    lines.push(("PSC_VELXY_P".into(), x.k_p.min(y.k_p)));
+    lines.push(("PSC_VELXY_I".into(), x.k_i.min(y.k_i)));
+    let mut head = input.description.banner();
+    head.truncate(4 + input.description.warnings.len());
+    head.push(format!(
+        "One speed only: {:.1} kt true airspeed ({speed:?} m/s). Between speeds ArduPilot needs \
+         the Lua tables.",
+        speed / KNOT
+    ));
+    head.push(
+        "The loops answer errors in their own axis as the law does; couplings, model inversion, \
+         command models and trims are not in these parameters."
+            .into(),
+    );
+    head.push(
+        "Units: ATC_ANG 1/s; ATC_RAT P output per rad/s, I output per rad, output 1 for 100 % \
+         stick; PSC_VELZ and PSC_VELXY P 1/s, I 1/s^2."
+            .into(),
+    );
+    head.push("PSC_VELXY is the smaller of the two directions' gains.".into());
+    head.extend(remarks);
+    let mut text = comment(&head, "# ", 96);
+    for (key, value) in lines {
+        text += &format!("{key} {}\n", number(value, Precision::Float));
+    }
+    Ok(text)
+}
+
+fn script(input: &Input) -> String {
+    let d = input.description;
+    let real = |x: f64| number(x, Precision::Double);
+    let quoted = |s: &String| format!("{:?}", s.replace(['\\', '"'], "'"));
+    let join = |list: Vec<String>| list.join(", ");
+    let mut tables = String::new();
+    for t in d.law_tables() {
+        tables += &format!(
+            "    -- {}\n    {} = {{\n        rows = {{{}}},\n        columns = {{{}}},\n        \
+             values = {{\n",
+            t.meaning,
+            t.name,
+            join(t.rows.iter().map(quoted).collect()),
+            join(t.columns.iter().map(quoted).collect()),
+        );
+        for m in &t.values {
+            let values = m.iter().flatten().map(|x| real(*x)).collect();
+            tables += &format!("            {{{}}},\n", join(values));
+        }
+        tables += "        },\n    },\n";
+    }
+    let constants: String = d
+        .constants
+        .iter()
+        .map(|c| format!("    {} = {}, -- {}, {}\n", c.name, real(c.value), c.unit, c.meaning))
+        .collect();
+    fill(
+        SCRIPT,
+        &[
+            ("BANNER", &comment(&d.banner(), "", 96).replace(']', ")")),
+            ("MET", if d.requirements_met { "true" } else { "false" }),
+            ("WARNINGS", &join(d.warnings.iter().map(quoted).collect())),
+            ("CONSTANTS", &constants),
+            ("SPEEDS", &join(d.speed.values.iter().map(|x| real(*x)).collect())),
+            ("TABLES", &tables),
+            ("P", &input.options.name),
+        ],
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The cascade's gains on error, its integral and the rate are the law's.
+    #[test]
+    fn cascade_is_equivalent() {
+        let (k_d, k_p, k_i) = (2.1, 2.4, 0.5);
+        let [a, p, i] = cascade(k_d, k_p, k_i).unwrap();
+        assert!((p - k_d).abs() < 1e-15);
+        assert!((a * p + i - k_p).abs() < 1e-14);
+        assert!((a * i - k_i).abs() < 1e-14);
+        assert!(i < a * p);
+        assert_eq!(cascade(1.0, 1.0, 1.0), None);
+        assert_eq!(cascade(0.0, 1.0, 0.0), None);
+    }
+}

@@ -1,0 +1,840 @@
+//! The law as plain tables, for every format.
+//!
+//! A [`Description`] says all that another program needs: breakpoints, tables
+//! over them with the name and unit of every row and column, constants, and
+//! the rules to read and run them. It is complete: a schedule can be made of
+//! it again, bit for bit. Formats write it; they compute nothing.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use crate::control::axis::{Channel, ChannelGains};
+use crate::control::law::{
+    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, SCHEDULE_LEAD, SLOW, YAW_LEAD,
+};
+use crate::control::loops::LawSettings;
+use crate::control::plant::{Hardware, TrimPoint};
+use crate::schedule::{self, Matrices, Point, Provenance, Schedule, ScheduleError};
+use crate::units::STANDARD_GRAVITY;
+
+/// Schema of a description.
+pub const SCHEMA: &str = "coaxdesign.law/1";
+
+/// The law over speed, ready to be written in any form.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Name of the aircraft.
+    pub name: String,
+    /// Whether every requirement was met when it was tuned.
+    pub requirements_met: bool,
+    /// What whoever flies it must know: empty for a sound schedule.
+    pub warnings: Vec<String>,
+    /// Where it came from.
+    pub provenance: Provenance,
+    /// How to read and run it, by topic.
+    pub rules: BTreeMap<String, String>,
+    /// Breakpoints.
+    pub speed: Speed,
+    /// Numbers that do not depend on speed.
+    pub constants: Vec<Constant>,
+    /// Numbers that do.
+    pub tables: Vec<Table>,
+}
+
+/// Breakpoints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Speed {
+    /// m/s.
+    pub unit: String,
+    /// Which speed.
+    pub meaning: String,
+    /// True airspeeds, strictly increasing.
+    pub values: Vec<f64>,
+}
+
+/// A number that does not depend on speed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Constant {
+    /// Name.
+    pub name: String,
+    /// Unit; `1` for none.
+    pub unit: String,
+    /// Value.
+    pub value: f64,
+    /// What it is.
+    pub meaning: String,
+}
+
+/// A matrix at every breakpoint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// Name.
+    pub name: String,
+    /// What it is.
+    pub meaning: String,
+    /// Whether the discrete-time law needs it; the others serve analysis.
+    pub needed_by_law: bool,
+    /// Names of the rows.
+    pub rows: Vec<String>,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Unit of every entry, by rows.
+    pub units: Vec<Vec<String>>,
+    /// `values[breakpoint][row][column]`.
+    pub values: Vec<Vec<Vec<f64>>>,
+}
+
+/// Name and unit.
+type Label = (&'static str, &'static str);
+
+const STATES: [Label; 8] = [
+    ("u", "m/s"),
+    ("v", "m/s"),
+    ("w", "m/s"),
+    ("p", "rad/s"),
+    ("q", "rad/s"),
+    ("r", "rad/s"),
+    ("phi", "rad"),
+    ("theta", "rad"),
+];
+const OUTPUTS: [Label; 4] = [("phi", "rad"), ("theta", "rad"), ("r", "rad/s"), ("v_z", "m/s")];
+const OUTPUT_RATES: [Label; 4] =
+    [("phi_dot", "rad/s"), ("theta_dot", "rad/s"), ("r_dot", "rad/s^2"), ("v_z_dot", "m/s^2")];
+const NU: [Label; 4] = [
+    ("phi_ddot", "rad/s^2"),
+    ("theta_ddot", "rad/s^2"),
+    ("r_dot", "rad/s^2"),
+    ("v_z_dot", "m/s^2"),
+];
+const STICKS: [Label; 4] = [("lat", "%"), ("lon", "%"), ("col", "%"), ("ped", "%")];
+const GROUND: [Label; 2] = [("v_x", "m/s"), ("v_y", "m/s")];
+const REFERENCES: [Label; 6] = [
+    ("phi", "rad"),
+    ("theta", "rad"),
+    ("phi_dot", "rad/s"),
+    ("theta_dot", "rad/s"),
+    ("r", "rad/s"),
+    ("v_z", "m/s"),
+];
+const MODEL: [Label; 2] = [("u", "m/s"), ("v", "m/s")];
+const MODEL_RATES: [Label; 2] = [("u_dot", "m/s^2"), ("v_dot", "m/s^2")];
+const CHANNELS: [Label; 6] =
+    [("roll", ""), ("pitch", ""), ("yaw", ""), ("heave", ""), ("vx", ""), ("vy", "")];
+const GAINS: [Label; 3] = [("k_d", ""), ("k_p", ""), ("k_i", "")];
+const VALUE: [Label; 1] = [("value", "")];
+const ATTITUDE: [Label; 2] = [("phi", "rad"), ("theta", "rad")];
+const VELOCITY: [Label; 3] = [("u", "m/s"), ("v", "m/s"), ("w", "m/s")];
+
+/// A table's place among the others.
+pub struct Form {
+    /// Name.
+    pub name: &'static str,
+    meaning: &'static str,
+    /// Whether the discrete-time law needs it.
+    pub needed_by_law: bool,
+    rows: &'static [Label],
+    columns: &'static [Label],
+}
+
+impl Form {
+    /// Rows and columns.
+    pub fn size(&self) -> (usize, usize) {
+        (self.rows.len(), self.columns.len())
+    }
+
+    /// What it is.
+    pub fn meaning(&self) -> &'static str {
+        self.meaning
+    }
+
+    /// The place of a row and a column by their names.
+    pub fn place(&self, row: &str, column: &str) -> Option<(usize, usize)> {
+        let find = |list: &[Label], name| list.iter().position(|l| l.0 == name);
+        Some((find(self.rows, row)?, find(self.columns, column)?))
+    }
+
+    /// Unit of an entry.
+    pub fn unit(&self, row: usize, column: usize) -> String {
+        if self.name == "gains" {
+            let attitude = Channel::ALL[row].gains().len() == 3;
+            return match (attitude, column) {
+                (true, 0) => "1/s",
+                (true, 1) => "1/s^2",
+                (true, _) => "1/s^3",
+                // K_D does not exist here and is zero.
+                (false, 0) => "1",
+                (false, 1) => "1/s",
+                (false, _) => "1/s^2",
+            }
+            .into();
+        }
+        let (row, column) = (self.rows[row].1, self.columns[column].1);
+        if column.is_empty() { row.into() } else { format!("{row} per {column}") }
+    }
+
+    /// Every row and column by name, as one text each.
+    pub(super) fn places(&self) -> Vec<String> {
+        let with = |row: &Label| {
+            let row = row.0;
+            self.columns.iter().map(move |column| format!("{row} {}", column.0))
+        };
+        self.rows.iter().flat_map(with).collect()
+    }
+
+    /// The table of these values, `values[breakpoint][row][column]`.
+    pub(super) fn table(&self, values: Vec<Vec<Vec<f64>>>) -> Table {
+        let names = |list: &[Label]| list.iter().map(|l| l.0.to_string()).collect();
+        Table {
+            name: self.name.into(),
+            meaning: self.meaning.into(),
+            needed_by_law: self.needed_by_law,
+            rows: names(self.rows),
+            columns: names(self.columns),
+            units: (0..self.rows.len())
+                .map(|i| (0..self.columns.len()).map(|j| self.unit(i, j)).collect())
+                .collect(),
+            values,
+        }
+    }
+}
+
+/// Every table, in the order of files.
+pub const FORMS: [Form; 14] = [
+    Form {
+        name: "gains",
+        meaning: "gains of the inner axes and of the outer velocity loops",
+        needed_by_law: true,
+        rows: &CHANNELS,
+        columns: &GAINS,
+    },
+    Form {
+        name: "trim_velocity",
+        meaning: "body velocity of the trim",
+        needed_by_law: true,
+        rows: &VELOCITY,
+        columns: &VALUE,
+    },
+    Form {
+        name: "trim_attitude",
+        meaning: "attitude of the trim",
+        needed_by_law: true,
+        rows: &ATTITUDE,
+        columns: &VALUE,
+    },
+    Form {
+        name: "trim_sticks",
+        meaning: "sticks of the trim",
+        needed_by_law: true,
+        rows: &STICKS,
+        columns: &VALUE,
+    },
+    Form {
+        name: "feedback",
+        meaning: "F: rows C A^2 of phi and theta, C A of r and V_z",
+        needed_by_law: true,
+        rows: &NU,
+        columns: &STATES,
+    },
+    Form {
+        name: "decoupling",
+        meaning: "B_d^-1: sticks from the nu that is commanded",
+        needed_by_law: true,
+        rows: &STICKS,
+        columns: &NU,
+    },
+    Form {
+        name: "allocation",
+        meaning: "M: sticks from the nu that feedback asks for",
+        needed_by_law: true,
+        rows: &STICKS,
+        columns: &NU,
+    },
+    Form {
+        name: "reference_state",
+        meaning: "x_ref from the reference model's u, v",
+        needed_by_law: true,
+        rows: &STATES,
+        columns: &MODEL,
+    },
+    Form {
+        name: "reference_input",
+        meaning: "x_ref from the references",
+        needed_by_law: true,
+        rows: &STATES,
+        columns: &REFERENCES,
+    },
+    Form {
+        name: "reference_dynamics",
+        meaning: "rates of the reference model's u, v from x_ref",
+        needed_by_law: true,
+        rows: &MODEL_RATES,
+        columns: &STATES,
+    },
+    Form {
+        name: "reference_drive",
+        meaning: "rates of the reference model's u, v from nu",
+        needed_by_law: true,
+        rows: &MODEL_RATES,
+        columns: &NU,
+    },
+    Form {
+        name: "ground_velocity",
+        meaning: "velocity over the ground in heading axes, forward and right, from states",
+        needed_by_law: true,
+        rows: &GROUND,
+        columns: &STATES,
+    },
+    Form {
+        name: "outputs",
+        meaning: "C: outputs from states",
+        needed_by_law: false,
+        rows: &OUTPUTS,
+        columns: &STATES,
+    },
+    Form {
+        name: "output_rates",
+        meaning: "C A: rates of the outputs from states",
+        needed_by_law: false,
+        rows: &OUTPUT_RATES,
+        columns: &STATES,
+    },
+];
+
+/// Names, units and meanings of the constants, in the order of files.
+const CONSTANTS: [(&str, &str, &str); 30] = [
+    ("kappa", "1", "share of the velocity terms of F that feedback cancels"),
+    ("hybrid_feedforward", "1", "1 if the rest of them is fed forward from the reference model"),
+    ("reference_delay", "s", "delay of the references in the error path"),
+    ("roll_frequency", "rad/s", "natural frequency of the roll command model"),
+    ("pitch_frequency", "rad/s", "natural frequency of the pitch command model"),
+    ("attitude_damping", "1", "damping ratio of both attitude command models"),
+    ("yaw_time_constant", "s", "time constant of the yaw rate command model"),
+    ("heave_time_constant", "s", "time constant of the vertical velocity command model"),
+    ("turn_coordination_speed", "m/s", "middle of the turn-coordination blend"),
+    ("turn_coordination_width", "m/s", "full width of the blend"),
+    ("gravity", "m/s^2", "standard gravity"),
+    ("attitude_limit", "rad", "largest attitude change that a velocity loop commands"),
+    ("outer_slowness", "1", "time constant of a velocity reference times the attitude's frequency"),
+    ("acceleration_limit", "m/s^2", "largest horizontal acceleration of a velocity reference"),
+    ("schedule_lead", "m/s", "farthest that the speed of the schedule lies from the speed flown"),
+    ("forgetting", "s", "time constant of the lateral velocity integral under turn coordination"),
+    ("yaw_lead", "1", "the yaw command is led in full at the blend's middle over this"),
+    ("slow", "m/s", "forward speed of the trim below which rolling asks for no yaw"),
+    ("stick_lat_min", "%", "lower limit of the lateral stick"),
+    ("stick_lat_max", "%", "upper limit of the lateral stick"),
+    ("stick_lon_min", "%", "lower limit of the longitudinal stick"),
+    ("stick_lon_max", "%", "upper limit of the longitudinal stick"),
+    ("stick_col_min", "%", "lower limit of the collective"),
+    ("stick_col_max", "%", "upper limit of the collective"),
+    ("stick_ped_min", "%", "lower limit of the pedals"),
+    ("stick_ped_max", "%", "upper limit of the pedals"),
+    ("actuator_bandwidth", "rad/s", "hardware it was tuned for: actuators"),
+    ("actuator_damping", "1", "hardware it was tuned for: damping ratio of the actuators"),
+    ("delay", "s", "hardware it was tuned for: transport delay"),
+    ("sensor_bandwidth", "rad/s", "hardware it was tuned for: sensor filters"),
+];
+
+/// Names of the constants.
+pub(super) fn constant_names() -> impl Iterator<Item = &'static str> {
+    CONSTANTS.iter().map(|c| c.0)
+}
+
+/// Unit of a constant, if there is one of this name.
+pub(super) fn constant_unit(name: &str) -> Option<&'static str> {
+    CONSTANTS.iter().find(|c| c.0 == name).map(|c| c.1)
+}
+
+/// The constants without their values.
+pub(super) fn constant_forms() -> impl Iterator<Item = Constant> {
+    CONSTANTS.iter().map(|&(name, unit, meaning)| Constant {
+        name: name.into(),
+        unit: unit.into(),
+        value: 0.0,
+        meaning: meaning.into(),
+    })
+}
+
+/// Constants that have a value of their own in every law and are only
+/// repeated for other programs.
+pub const FIXED: [(&str, f64); 8] = [
+    ("gravity", STANDARD_GRAVITY),
+    ("attitude_limit", ATTITUDE_LIMIT),
+    ("outer_slowness", OUTER_SLOWNESS),
+    ("acceleration_limit", ACCELERATION_LIMIT),
+    ("schedule_lead", SCHEDULE_LEAD),
+    ("forgetting", FORGETTING),
+    ("yaw_lead", YAW_LEAD),
+    ("slow", SLOW),
+];
+
+/// How to read and run the tables.
+const RULES: [(&str, &str); 10] = [
+    (
+        "interpolation",
+        "element by element, linear in true airspeed: (1 - t) a + t b with \
+         t = (V - V_a) / (V_b - V_a)",
+    ),
+    ("ends", "constant below the first and above the last breakpoint"),
+    (
+        "turn_coordination",
+        "phi_c becomes (1 - b) phi_c + b (phi_trim + atan(V heading_rate / gravity)), with \
+         b = t^2 (3 - 2 t), t = (V - turn_coordination_speed) / turn_coordination_width + 1/2 \
+         held to 0..1",
+    ),
+    (
+        "signs",
+        "body axes forward, right, down; phi right side down, theta nose up, r nose right, V_z \
+         down; sticks in the sense of the aircraft's own control mixing",
+    ),
+    (
+        "inversion",
+        "sticks = trim_sticks + decoupling (nu_c - F x_ref) + allocation (nu_e - F_k (x - x_ref)); \
+         x is the deviation of u v w p q r phi theta from the trim, F_k is F with its first three \
+         columns times kappa; without hybrid_feedforward x_ref is zero here",
+    ),
+    (
+        "nu",
+        "nu_c = reference'' (phi, theta), reference' (r, V_z); nu_e = k_d (reference'(t - \
+         reference_delay) - measured') + k_p e + k_i int(e), e = reference(t - reference_delay) - \
+         measured",
+    ),
+    (
+        "velocity_loops",
+        "theta_c = theta_trim - a_x / G_theta - (k_p e_x + k_i int(e_x)) / gravity, phi_c = \
+         phi_trim + a_y / G_phi + (k_p e_y + k_i int(e_y)) / gravity + atan(v_x heading_rate / \
+         gravity), each change held to +-attitude_limit; a is the rate of a first-order lag of the \
+         command with time constant outer_slowness over the attitude's frequency, held to \
+         +-acceleration_limit; v_x is that lag; e is that lag through the attitude command model, \
+         reference_delay late, less the velocity flown in heading axes; G_theta and G_phi are -(0, \
+         theta) and (1, phi) of ground_velocity reference_state reference_dynamics reference_input, \
+         gravity where not above half of it",
+    ),
+    (
+        "yaw",
+        "the yaw rate's command is the heading rate, led through the roll command model as the \
+         airspeed nears turn_coordination_speed / yaw_lead, in body axes, and b w_trim / u_trim \
+         times the rate of bank where u_trim is above slow",
+    ),
+    (
+        "airspeed",
+        "the forward component of the true airspeed in heading axes; what it is more than the \
+         ground speed forward counts as wind in x and x_ref",
+    ),
+    (
+        "schedule",
+        "tables are read at the airspeed, and under a velocity demand at the airspeed plus e_x held \
+         to +-schedule_lead; never below zero",
+    ),
+];
+
+/// Why a description cannot be made into a schedule, or the reverse.
+#[derive(Debug, thiserror::Error)]
+pub enum DescriptionError {
+    /// The schedule is no law.
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    /// Another schema.
+    #[error("the schema is '{0}', expected '{SCHEMA}'")]
+    Schema(String),
+    /// A constant or a table is missing.
+    #[error("{0} is missing")]
+    Missing(String),
+    /// A constant or a table that does not exist.
+    #[error("there is no {0}")]
+    Unknown(String),
+    /// A unit that is not the one of this quantity.
+    #[error("{what} is in '{found}', expected '{wanted}'")]
+    Unit {
+        /// Which quantity.
+        what: String,
+        /// Its unit.
+        found: String,
+        /// The unit that it must have.
+        wanted: String,
+    },
+    /// A table whose rows, columns or breakpoints are not as they must be.
+    #[error("table {0} has other rows, columns or breakpoints than it should")]
+    Size(String),
+    /// A value that the law cannot use.
+    #[error("{name} is {value}, but must be {must}")]
+    Value {
+        /// Which.
+        name: String,
+        /// What it is.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+}
+
+impl Description {
+    /// The description of a schedule.
+    ///
+    /// # Errors
+    /// A schedule that is no law, or has a constant that no law can have.
+    pub fn new(schedule: &Schedule, warnings: Vec<String>) -> Result<Self, DescriptionError> {
+        // Sizes, order and finiteness of the tables.
+        schedule.law()?;
+        let tables = FORMS
+            .iter()
+            .map(|form| form.table(schedule.points.iter().map(|p| entries(p, form)).collect()))
+            .collect();
+        let constants = constant_forms()
+            .map(|c| Constant { value: constant(schedule, &c.name), ..c })
+            .collect();
+        let description = Self {
+            schema: SCHEMA.into(),
+            name: schedule.name.clone(),
+            requirements_met: schedule.requirements_met,
+            warnings,
+            provenance: schedule.provenance.clone(),
+            rules: RULES.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect(),
+            speed: Speed {
+                unit: "m/s".into(),
+                meaning: "true airspeed".into(),
+                values: schedule.points.iter().map(|p| p.speed).collect(),
+            },
+            constants,
+            tables,
+        };
+        description.check_constants()?;
+        Ok(description)
+    }
+
+    /// The schedule that this describes.
+    ///
+    /// # Errors
+    /// Tables or constants that are missing, unknown, of another size or in
+    /// other units, or that make no law.
+    pub fn schedule(&self) -> Result<Schedule, DescriptionError> {
+        if self.schema != SCHEMA {
+            return Err(DescriptionError::Schema(self.schema.clone()));
+        }
+        unit("speed", &self.speed.unit, "m/s")?;
+        for c in &self.constants {
+            let Some(known) = CONSTANTS.iter().find(|k| k.0 == c.name) else {
+                return Err(DescriptionError::Unknown(format!("constant '{}'", c.name)));
+            };
+            unit(&c.name, &c.unit, known.1)?;
+        }
+        for table in &self.tables {
+            let Some(form) = FORMS.iter().find(|f| f.name == table.name) else {
+                return Err(DescriptionError::Unknown(format!("table '{}'", table.name)));
+            };
+            let sound = form.table(Vec::new());
+            let (rows, columns) = form.size();
+            let full = table.values.len() == self.speed.values.len()
+                && table
+                    .values
+                    .iter()
+                    .all(|m| m.len() == rows && m.iter().all(|r| r.len() == columns));
+            if !full || table.rows != sound.rows || table.columns != sound.columns {
+                return Err(DescriptionError::Size(table.name.clone()));
+            }
+            for (found, wanted) in table.units.iter().flatten().zip(sound.units.iter().flatten()) {
+                unit(&table.name, found, wanted)?;
+            }
+        }
+        self.check_constants()?;
+        let points =
+            (0..self.speed.values.len()).map(|k| self.point(k)).collect::<Result<_, _>>()?;
+        let c = |name: &str| self.constant(name);
+        let limits = ["lat", "lon", "col", "ped"].map(|s| -> Result<[f64; 2], DescriptionError> {
+            Ok([c(&format!("stick_{s}_min"))?, c(&format!("stick_{s}_max"))?])
+        });
+        let [lat, lon, col, ped] = limits;
+        let law = LawSettings {
+            kappa: c("kappa")?,
+            hybrid_feedforward: c("hybrid_feedforward")? != 0.0,
+            reference_delay: c("reference_delay")?,
+            roll_frequency: c("roll_frequency")?,
+            pitch_frequency: c("pitch_frequency")?,
+            attitude_damping: c("attitude_damping")?,
+            yaw_time_constant: c("yaw_time_constant")?,
+            heave_time_constant: c("heave_time_constant")?,
+        };
+        let schedule = Schedule {
+            schema: schedule::SCHEMA.into(),
+            name: self.name.clone(),
+            requirements_met: self.requirements_met,
+            provenance: self.provenance.clone(),
+            interpolation: schedule::INTERPOLATION.into(),
+            units: schedule::units(),
+            law,
+            turn_coordination_speed: c("turn_coordination_speed")?,
+            turn_coordination_width: c("turn_coordination_width")?,
+            hardware: Hardware {
+                actuator_bandwidth: c("actuator_bandwidth")?,
+                actuator_damping: c("actuator_damping")?,
+                delay: c("delay")?,
+                sensor_bandwidth: c("sensor_bandwidth")?,
+            },
+            stick_limits: [lat?, lon?, col?, ped?],
+            points,
+        };
+        schedule.law()?;
+        Ok(schedule)
+    }
+
+    /// A constant by name.
+    ///
+    /// # Errors
+    /// There is none of this name.
+    pub fn constant(&self, name: &str) -> Result<f64, DescriptionError> {
+        self.constants
+            .iter()
+            .find(|c| c.name == name)
+            .map(|c| c.value)
+            .ok_or_else(|| DescriptionError::Missing(format!("constant '{name}'")))
+    }
+
+    /// A table by name.
+    ///
+    /// # Errors
+    /// There is none of this name.
+    pub fn table(&self, name: &str) -> Result<&Table, DescriptionError> {
+        self.tables
+            .iter()
+            .find(|t| t.name == name)
+            .ok_or_else(|| DescriptionError::Missing(format!("table '{name}'")))
+    }
+
+    /// The tables that the law needs.
+    pub fn law_tables(&self) -> impl Iterator<Item = &Table> {
+        self.tables.iter().filter(|t| t.needed_by_law)
+    }
+
+    /// Name, warnings and origin, as lines for the head of a file.
+    pub fn banner(&self) -> Vec<String> {
+        let p = &self.provenance;
+        let mut lines = vec![
+            format!("Control law of {}, over true airspeed in m/s.", self.name),
+            format!("Written by coaxdesign {}.", env!("CARGO_PKG_VERSION")),
+            format!(
+                "Schedule by {}; problem {}, specification {}.",
+                p.generator, p.problem_hash, p.specification_hash
+            ),
+            format!("Requirements met: {}.", if self.requirements_met { "yes" } else { "no" }),
+        ];
+        lines.extend(self.warnings.iter().map(|w| format!("WARNING: {w}")));
+        lines.extend(self.rules.iter().map(|(topic, rule)| format!("{topic}: {rule}.")));
+        lines.push("Tables: name (rows; columns), what it is, units row by row:".into());
+        for t in self.law_tables() {
+            lines.push(format!(
+                "{} ({}; {}): {}; {}",
+                t.name,
+                t.rows.join(" "),
+                t.columns.join(" "),
+                t.meaning,
+                t.units
+                    .iter()
+                    .map(|r| {
+                        let mut short: Vec<&str> = r.iter().map(String::as_str).collect();
+                        short.dedup();
+                        short.join(", ")
+                    })
+                    .collect::<Vec<_>>()
+                    .join(" | "),
+            ));
+        }
+        lines
+    }
+
+    /// Constants that the formulas divide by or that must be in order.
+    fn check_constants(&self) -> Result<(), DescriptionError> {
+        let bad = |name: &str, value, must| {
+            Err(DescriptionError::Value { name: name.into(), value, must })
+        };
+        for c in &self.constants {
+            if !c.value.is_finite() {
+                return bad(&c.name, c.value, "finite");
+            }
+        }
+        for name in ["turn_coordination_width", "yaw_time_constant", "heave_time_constant"] {
+            let value = self.constant(name)?;
+            if value <= 0.0 {
+                return bad(name, value, "positive");
+            }
+        }
+        let delay = self.constant("reference_delay")?;
+        if delay < 0.0 {
+            return bad("reference_delay", delay, "zero or positive");
+        }
+        for (name, wanted) in FIXED {
+            let value = self.constant(name)?;
+            if value != wanted {
+                return bad(name, value, "the law's own constant");
+            }
+        }
+        for stick in STICKS {
+            let name = format!("stick_{}_max", stick.0);
+            let (low, high) =
+                (self.constant(&format!("stick_{}_min", stick.0))?, self.constant(&name)?);
+            if low >= high {
+                return bad(&name, high, "above the lower limit");
+            }
+        }
+        Ok(())
+    }
+
+    fn point(&self, k: usize) -> Result<Point, DescriptionError> {
+        let m = |name: &str| -> Result<Vec<Vec<f64>>, DescriptionError> {
+            Ok(self.table(name)?.values[k].clone())
+        };
+        let gains = m("gains")?;
+        let (velocity, attitude, sticks) =
+            (m("trim_velocity")?, m("trim_attitude")?, m("trim_sticks")?);
+        Ok(Point {
+            speed: self.speed.values[k],
+            gains: Channel::ALL
+                .into_iter()
+                .map(|c| {
+                    let g = &gains[c.index()];
+                    (c.name().to_string(), ChannelGains::new(g[0], g[1], g[2]))
+                })
+                .filter(|(_, g)| *g != ChannelGains::default())
+                .collect(),
+            trim: TrimPoint {
+                velocity_body: std::array::from_fn(|i| velocity[i][0]),
+                roll: attitude[0][0],
+                pitch: attitude[1][0],
+                sticks: std::array::from_fn(|i| sticks[i][0]),
+            },
+            matrices: Matrices {
+                outputs: m("outputs")?,
+                output_rates: m("output_rates")?,
+                feedback: m("feedback")?,
+                decoupling: m("decoupling")?,
+                allocation: m("allocation")?,
+                ground_velocity: m("ground_velocity")?,
+                reference_state: m("reference_state")?,
+                reference_input: m("reference_input")?,
+                reference_dynamics: m("reference_dynamics")?,
+                reference_drive: m("reference_drive")?,
+            },
+        })
+    }
+}
+
+fn unit(what: &str, found: &str, wanted: &str) -> Result<(), DescriptionError> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(DescriptionError::Unit { what: what.into(), found: found.into(), wanted: wanted.into() })
+}
+
+fn entries(point: &Point, form: &Form) -> Vec<Vec<f64>> {
+    let m = &point.matrices;
+    let column = |values: &[f64]| values.iter().map(|v| vec![*v]).collect();
+    match form.name {
+        "gains" => Channel::ALL
+            .iter()
+            .map(|c| point.gains.get(c.name()).copied().unwrap_or_default().array().to_vec())
+            .collect(),
+        "trim_velocity" => column(&point.trim.velocity_body),
+        "trim_attitude" => column(&[point.trim.roll, point.trim.pitch]),
+        "trim_sticks" => column(&point.trim.sticks),
+        "feedback" => m.feedback.clone(),
+        "decoupling" => m.decoupling.clone(),
+        "allocation" => m.allocation.clone(),
+        "reference_state" => m.reference_state.clone(),
+        "reference_input" => m.reference_input.clone(),
+        "reference_dynamics" => m.reference_dynamics.clone(),
+        "reference_drive" => m.reference_drive.clone(),
+        "outputs" => m.outputs.clone(),
+        "output_rates" => m.output_rates.clone(),
+        _ => m.ground_velocity.clone(),
+    }
+}
+
+fn constant(schedule: &Schedule, name: &str) -> f64 {
+    let (l, h, s) = (&schedule.law, &schedule.hardware, &schedule.stick_limits);
+    match name {
+        "kappa" => l.kappa,
+        "hybrid_feedforward" => f64::from(l.hybrid_feedforward),
+        "reference_delay" => l.reference_delay,
+        "roll_frequency" => l.roll_frequency,
+        "pitch_frequency" => l.pitch_frequency,
+        "attitude_damping" => l.attitude_damping,
+        "yaw_time_constant" => l.yaw_time_constant,
+        "heave_time_constant" => l.heave_time_constant,
+        "turn_coordination_speed" => schedule.turn_coordination_speed,
+        "turn_coordination_width" => schedule.turn_coordination_width,
+        "gravity" => STANDARD_GRAVITY,
+        "attitude_limit" => ATTITUDE_LIMIT,
+        "outer_slowness" => OUTER_SLOWNESS,
+        "acceleration_limit" => ACCELERATION_LIMIT,
+        "schedule_lead" => SCHEDULE_LEAD,
+        "forgetting" => FORGETTING,
+        "yaw_lead" => YAW_LEAD,
+        "slow" => SLOW,
+        "stick_lat_min" => s[0][0],
+        "stick_lat_max" => s[0][1],
+        "stick_lon_min" => s[1][0],
+        "stick_lon_max" => s[1][1],
+        "stick_col_min" => s[2][0],
+        "stick_col_max" => s[2][1],
+        "stick_ped_min" => s[3][0],
+        "stick_ped_max" => s[3][1],
+        "actuator_bandwidth" => h.actuator_bandwidth,
+        "actuator_damping" => h.actuator_damping,
+        "delay" => h.delay,
+        _ => h.sensor_bandwidth,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample;
+    use super::*;
+    use crate::control::plant::RIGID_STATES;
+
+    /// Names of states are those of the control stage.
+    #[test]
+    fn labels_are_those_of_the_control_stage() {
+        assert_eq!(STATES.map(|s| s.0), RIGID_STATES);
+        for c in Channel::ALL {
+            assert_eq!(CHANNELS[c.index()].0, c.name());
+        }
+    }
+
+    /// Every number of the schedule is in the description, and comes back.
+    #[test]
+    fn a_schedule_survives_its_description() {
+        let schedule = sample::schedule();
+        let description = Description::new(&schedule, Vec::new()).unwrap();
+        assert_eq!(description.schedule().unwrap(), schedule);
+        let entries: usize = FORMS.iter().map(|f| f.size().0 * f.size().1).sum();
+        assert_eq!(entries, 18 + 3 + 2 + 4 + 32 + 16 + 16 + 16 + 48 + 16 + 8 + 32 + 32 + 16);
+    }
+
+    #[test]
+    fn wrong_descriptions_are_refused_by_name() {
+        let sound = Description::new(&sample::schedule(), Vec::new()).unwrap();
+        let refused = |change: &dyn Fn(&mut Description)| {
+            let mut d = sound.clone();
+            change(&mut d);
+            d.schedule().unwrap_err().to_string()
+        };
+        let message = refused(&|d| d.tables[4].units[0][0] = "deg/s^2 per kt".into());
+        assert!(message.contains("feedback") && message.contains("kt"), "{message}");
+        let message = refused(&|d| drop(d.tables.remove(5)));
+        assert!(message.contains("decoupling"), "{message}");
+        let message = refused(&|d| d.tables[0].values[1].truncate(2));
+        assert!(message.contains("gains"), "{message}");
+        let message = refused(&|d| d.constants[0].name = "capa".into());
+        assert!(message.contains("capa"), "{message}");
+        let message = refused(&|d| d.constants[6].value = 0.0);
+        assert!(message.contains("yaw_time_constant"), "{message}");
+        let message = refused(&|d| d.speed.values.reverse());
+        assert!(message.contains("increasing"), "{message}");
+        let message = refused(&|d| d.schema = "coaxdesign.law/7".into());
+        assert!(message.contains("law/7"), "{message}");
+    }
+}

@@ -1,0 +1,697 @@
+#!/usr/bin/env python3
+"""Read every export with its client and compare with the law.
+
+    python3 tests/crosscheck/export.py target/debug/coaxdesign SCHEDULE
+
+SCHEDULE is a schedule file or a directory of one. The test vectors of the law
+are written by `coaxdesign export --to vectors`; each other form is loaded by the
+program that it is for and must give the same tables at breakpoints, between
+them and beyond both ends, and the same sticks over 30 s: to 1e-12 in double, to
+1e-5 in single precision, of a number or of the full travel of 100 % for sticks.
+Then a digit of each artefact is changed, and the same proof must fail.
+Exits with 1 if anything differs.
+"""
+
+import copy
+import csv
+import functools
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+import xml.etree.ElementTree
+
+import numpy as np
+
+HERE = pathlib.Path(__file__).resolve().parent
+DOUBLE, SINGLE = 1e-12, 1e-5
+# Full travel of a stick, percent: what errors of sticks are measured by.
+TRAVEL = 100.0
+STEP = 0.01
+CFLAGS = "-std=c99 -Wall -Wextra -Werror -Wconversion -Wdouble-promotion -pedantic".split()
+SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+failures = []
+
+
+def report(good, what, detail):
+    print(f"{'ok  ' if good else 'FAIL'}  {what}: {detail}", flush=True)
+    if not good:
+        failures.append(what)
+
+
+class Wrong(Exception):
+    """A client refuses an artefact, or gives other answers."""
+
+
+def close(what, found, wanted, tolerance, scale=None):
+    """Largest difference, relative to a scale or to each number above 1."""
+    found, wanted = np.asarray(found, dtype=float), np.asarray(wanted, dtype=float)
+    if found.shape != wanted.shape:
+        raise Wrong(f"{what}: shape {found.shape}, expected {wanted.shape}")
+    size = np.maximum(np.abs(wanted), 1.0) if scale is None else scale
+    error = float(np.max(np.abs(found - wanted) / size))
+    if not error <= tolerance:
+        raise Wrong(f"{what}: differs by {error:.1e}")
+    return error
+
+
+def run(*command, **options):
+    done = subprocess.run(
+        [str(c) for c in command], capture_output=True, text=True, check=False, **options
+    )
+    if done.returncode != 0:
+        raise Wrong(f"{pathlib.Path(str(command[0])).name}: {(done.stderr + done.stdout)[-600:]}")
+    return done.stdout
+
+
+def table(text):
+    return np.array([[float(x) for x in row] for row in csv.reader(text.splitlines())])
+
+
+class Vectors:
+    """What the law answers."""
+
+    def __init__(self, directory):
+        self.steps_text = (directory / "law_steps.csv").read_text()
+        self.lookup_text = (directory / "law_lookup.csv").read_text()
+        self.columns = self.steps_text.splitlines()[0].split(",")
+        steps = table("\n".join(self.steps_text.splitlines()[1:]))
+        self.inputs, self.sticks = steps[:, :15], steps[:, 15:]
+        self.names = self.lookup_text.splitlines()[0].split(",")[1:]
+        lookup = table("\n".join(self.lookup_text.splitlines()[1:]))
+        self.speeds, self.values = lookup[:, 0], lookup[:, 1:]
+
+    def law_entries(self):
+        """Table, row and column of every number but the turn blend."""
+        for name in self.names[:-1]:
+            parts = name.split(".")
+            yield parts[0], parts[1], parts[2] if len(parts) > 2 else "value"
+
+
+# --- Forms with tables -------------------------------------------------------
+
+
+def interpolated(vectors, breakpoints, entry, blend=None):
+    """Tables read by the rule of the files, with NumPy's own interpolation."""
+    columns = [
+        np.interp(vectors.speeds, breakpoints, entry(*place)) for place in vectors.law_entries()
+    ]
+    found = np.array(columns).T
+    return close("tables", found, vectors.values[:, :-1], DOUBLE)
+
+
+def document_entries(document):
+    tables = {t["name"]: t for t in document["tables"]}
+
+    def entry(name, row, column):
+        t = tables[name]
+        i, j = t["rows"].index(row), t["columns"].index(column)
+        return [m[i][j] for m in t["values"]]
+
+    return entry
+
+
+def prove_json(directory, vectors, schemas):
+    import jsonschema
+
+    document = json.loads((directory / "law.json").read_text())
+    try:
+        jsonschema.Draft202012Validator.check_schema(schemas["law"])
+        jsonschema.validate(document, schemas["law"])
+    except jsonschema.ValidationError as error:
+        raise Wrong(f"jsonschema: {error.message[:200]}") from error
+    return interpolated(vectors, document["speed"]["values"], document_entries(document))
+
+
+def prove_toml(directory, vectors, schemas):
+    import jsonschema
+
+    document = tomllib.loads((directory / "law.toml").read_text())
+    try:
+        jsonschema.validate(document, schemas["law"])
+    except jsonschema.ValidationError as error:
+        raise Wrong(f"jsonschema: {error.message[:200]}") from error
+    return interpolated(vectors, document["speed"]["values"], document_entries(document))
+
+
+def prove_csv(directory, vectors, schemas):
+    entries = {}
+    with open(directory / "law.csv", newline="", encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            if line["speed"]:
+                key = (line["quantity"], line["row"], line["column"])
+                if not line["unit"]:
+                    raise Wrong(f"{key} has no unit")
+                entries.setdefault(key, []).append((float(line["speed"]), float(line["value"])))
+    breakpoints = [speed for speed, _ in next(iter(entries.values()))]
+    return interpolated(
+        vectors, breakpoints, lambda *place: [value for _, value in entries[place]]
+    )
+
+
+def prove_matlab(directory, vectors, schemas):
+    import scipy.io
+
+    data = scipy.io.loadmat(directory / "law.mat")
+    names = lambda key: [str(cell[0][0]) if cell[0].size else "" for cell in data[key]]
+
+    def entry(name, row, column):
+        values = data[name]
+        if values.ndim == 2:
+            values = values[:, :, None]
+        return values[names(f"{name}_rows").index(row), names(f"{name}_columns").index(column)]
+
+    if len(names("feedback_units")) != 32:
+        raise Wrong("feedback has not a unit for each entry")
+    error = interpolated(vectors, data["speed"].ravel(), entry)
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is None:
+        return error
+    (directory / "speeds.csv").write_text("\n".join(repr(float(v)) for v in vectors.speeds))
+    out = directory / "octave.csv"
+    run(octave, "--norc", HERE / "export/octave.m", directory, directory / "speeds.csv", out)
+    found = table("\n".join(line.rstrip(",") for line in out.read_text().splitlines()))
+    return max(error, close("Octave", found, vectors.values[:, :-1], DOUBLE))
+
+
+def prove_lua(directory, vectors, schemas):
+    import lupa
+
+    lua = lupa.LuaRuntime()
+    try:
+        law = lua.execute((directory / "law_schedule.lua").read_text())
+    except lupa.LuaError as error:
+        raise Wrong(f"Lua: {error}") from error
+    found = []
+    for speed in vectors.speeds:
+        values = law["at"](float(speed))
+        line = [values[name][row][column] for name, row, column in vectors.law_entries()]
+        found.append(line + [law["turn_blend"](float(speed))])
+    return close("Lua", found, vectors.values, DOUBLE)
+
+
+def prove_param(directory, vectors, schemas):
+    """The parameters must give the law's gains back."""
+    from pymavlink import mavparm
+
+    p = mavparm.MAVParmDict()
+    if not p.load(str(directory / "law.param")):
+        raise Wrong("pymavlink cannot load it")
+    at = dict(zip(vectors.names, vectors.values[np.argmin(np.abs(vectors.speeds))]))
+    found, wanted = [], []
+    for key, axis, stick, nu in [
+        ("RLL", "roll", "lat", "phi_ddot"),
+        ("PIT", "pitch", "lon", "theta_ddot"),
+    ]:
+        scale = abs(at[f"allocation.{stick}.{nu}"]) / 100.0
+        angle, k_p, k_i = (p[f"ATC_{k}"] for k in (f"ANG_{key}_P", f"RAT_{key}_P", f"RAT_{key}_I"))
+        found += [k_p / scale, (angle * k_p + k_i) / scale, angle * k_i / scale]
+        wanted += [at[f"gains.{axis}.{k}"] for k in ("k_d", "k_p", "k_i")]
+    scale = abs(at["allocation.ped.r_dot"]) / 100.0
+    found += [p["ATC_RAT_YAW_P"] / scale, p["ATC_RAT_YAW_I"] / scale]
+    found += [p["PSC_VELZ_P"], p["PSC_VELZ_I"], p["PSC_VELXY_P"]]
+    wanted += [at["gains.yaw.k_p"], at["gains.yaw.k_i"]]
+    wanted += [at["gains.heave.k_p"], at["gains.heave.k_i"]]
+    wanted += [min(at["gains.vx.k_p"], at["gains.vy.k_p"])]
+    return close("parameters", found, wanted, SINGLE)
+
+
+# --- Forms that run the law --------------------------------------------------
+
+
+def prove_program(program, vectors, tolerance):
+    found = table(run(program, "lookup", input=vectors.lookup_text))
+    error = close("tables", found, vectors.values, tolerance)
+    # The law, switched on with given sticks, starts with them; not where it
+    # would be at a limit by itself.
+    off = table(run(program, "engage", input=vectors.steps_text))
+    quiet = np.abs(off).max(axis=1) < 1.0
+    if quiet.mean() < 0.8:
+        raise Wrong("engaging moves the sticks")
+    error = max(error, close("engage", off[quiet], 0.0 * off[quiet], 10 * tolerance, TRAVEL))
+    found = table(run(program, "steps", input=vectors.steps_text))
+    return max(error, close("sticks", found, vectors.sticks, tolerance, TRAVEL))
+
+
+def prove_c(directory, vectors, schemas, tolerance=DOUBLE, flags=()):
+    program = directory / "harness"
+    run("gcc", *CFLAGS, "-O1", "-c", directory / "law_law.c", "-o", directory / "law.o", *flags)
+    run(
+        *("gcc", "-std=c99", "-I", directory, HERE / "export/harness.c", directory / "law.o"),
+        *("-lm", "-o", program, *flags),
+    )
+    return prove_program(program, vectors, tolerance)
+
+
+def prove_rust(directory, vectors, schemas, tolerance=DOUBLE):
+    shutil.copy(HERE / "export/harness.rs", directory / "harness.rs")
+    (directory / "lib.rs").write_text("#![no_std]\npub mod law_law;\n")
+    edition = ["--edition", "2021", "--out-dir", directory]
+    run("rustc", *edition, "--crate-type", "lib", "--emit", "metadata", directory / "lib.rs")
+    run("rustc", *edition, "-O", "-D", "warnings", "-A", "dead_code", directory / "harness.rs")
+    return prove_program(directory / "harness", vectors, tolerance)
+
+
+def demand_of(row):
+    return {
+        "mode": int(row[10]),
+        "horizontal": [row[11], row[12]],
+        "heading_rate": row[13],
+        "vertical_velocity": row[14],
+    }
+
+
+def measurement_of(row):
+    return {
+        "velocity_body": row[1:4],
+        "rates": row[4:7],
+        "roll": row[7],
+        "pitch": row[8],
+        "airspeed": row[9],
+    }
+
+
+def prove_python(directory, vectors, schemas):
+    reader = {"__name__": "law_law"}
+    exec(compile((directory / "law_law.py").read_text(), "law_law.py", "exec"), reader)
+    try:
+        law = reader["Law"].load(directory / "law.json")
+    except (ValueError, KeyError) as error:
+        raise Wrong(f"reader: {error}") from error
+    found = []
+    for speed in vectors.speeds:
+        values = law.at(speed)
+        line = [x for t in law.document["tables"] if t["needed_by_law"]
+                for row in values[t["name"]] for x in row]
+        found.append(line + [law.turn_blend(speed)])
+    error = close("tables", found, vectors.values, DOUBLE)
+    controller = reader["Controller"](law, STEP)
+    rows = vectors.inputs.tolist()
+    found = [controller.step(measurement_of(row), demand_of(row)) for row in rows]
+    error = max(error, close("sticks", found, vectors.sticks, DOUBLE, TRAVEL))
+    linear = max(state_space_error(reader, law, v) for v in (law.speeds[0], 13.0, law.speeds[-1]))
+    if not linear <= 1e-5:
+        raise Wrong(f"state space: differs from the law's small deviations by {linear:.1e}")
+    return error
+
+
+def state_space_error(reader, law, speed):
+    """Difference between the StateSpace and the law for small deviations, over
+    2 s of inputs, relative to the answer."""
+    import control
+
+    model = law.state_space(speed, STEP)
+    if model.input_labels[:2] != ["u", "v"] or model.dt != STEP:
+        raise Wrong("state space: names or step are wrong")
+    values = law.at(speed)
+    # The tables stand still, as in the linear model.
+    law = copy.copy(law)
+    law.speeds, law.tables = [speed], {name: [rows] for name, rows in values.items()}
+    law.limits = [(-1e9, 1e9)] * 4
+    trim = [r[0] for r in values["trim_velocity"]]
+    attitude = [r[0] for r in values["trim_attitude"]]
+    sticks = np.array([r[0] for r in values["trim_sticks"]])
+    blend = law.turn_blend(speed)
+    count, size = 200, 1e-5
+    time = np.arange(count) * STEP
+    inputs = np.array([size * np.sin((1.0 + 0.37 * k) * time + k) for k in range(12)])
+    inputs[10] = 0.0  # no turn
+    inputs[:, 0] = 0.0  # starts at the trim
+    _, wanted = control.forced_response(model, time, inputs)
+    controller = reader["Controller"](law, STEP)
+
+    def still_air(m):
+        """The airspeed of flight without wind."""
+        (u, v, w), roll, pitch = m["velocity_body"], m["roll"], m["pitch"]
+        lifted = v * np.sin(roll) + w * np.cos(roll)
+        return u * np.cos(pitch) + lifted * np.sin(pitch)
+
+    found = []
+    for x in inputs.T:
+        m = {
+            "velocity_body": [t + d for t, d in zip(trim, x[:3])],
+            "rates": list(x[3:6]),
+            "roll": attitude[0] + x[6],
+            "pitch": attitude[1] + x[7],
+        }
+        m["airspeed"] = still_air(m)
+        # What the command model gets is the demand less its turning part.
+        roll = attitude[0] + (x[8] / (1.0 - blend) if blend < 1.0 else 0.0)
+        demand = {
+            "mode": reader["ATTITUDE"],
+            "horizontal": [roll, attitude[1] + x[9]],
+            "heading_rate": 0.0,
+            "vertical_velocity": x[11],
+        }
+        found.append(np.array(controller.step(m, demand)) - sticks)
+    if blend == 1.0:
+        # Bank is not demanded at all then.
+        inputs[8] = 0.0
+        _, wanted = control.forced_response(model, time, inputs)
+    # The trim between breakpoints is no equilibrium of its own: it climbs a
+    # little, which the deviation from a run at rest leaves out.
+    rest = reader["Controller"](law, STEP)
+    m = {"velocity_body": trim, "rates": [0.0] * 3, "roll": attitude[0], "pitch": attitude[1]}
+    m["airspeed"] = still_air(m)
+    found, still = np.array(found), []
+    for _ in range(count):
+        demand = {"mode": 0, "horizontal": attitude, "heading_rate": 0.0, "vertical_velocity": 0.0}
+        still.append(np.array(rest.step(m, demand)) - sticks)
+    found = (found - np.array(still)).T
+    return float(np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)))
+
+
+AIRCRAFT = """<?xml version="1.0"?>
+<fdm_config name="bench" version="2.0">
+  <fileheader><author>test bench</author></fileheader>
+  <metrics><wingarea unit="M2">1</wingarea><wingspan unit="M">1</wingspan>
+    <chord unit="M">1</chord>
+    <location name="AERORP" unit="M"><x>0</x><y>0</y><z>0</z></location>
+    <location name="EYEPOINT" unit="M"><x>0</x><y>0</y><z>0</z></location>
+    <location name="VRP" unit="M"><x>0</x><y>0</y><z>0</z></location></metrics>
+  <mass_balance><ixx unit="KG*M2">1000</ixx><iyy unit="KG*M2">1000</iyy>
+    <izz unit="KG*M2">1000</izz><emptywt unit="KG">450</emptywt>
+    <location name="CG" unit="M"><x>0</x><y>0</y><z>0</z></location></mass_balance>
+  <ground_reactions/><propulsion/><aerodynamics/>
+  <system file="law_law"/>
+</fdm_config>
+"""
+
+JSBSIM_INPUTS = [
+    "u-m_sec", "v-m_sec", "w-m_sec", "p-rad_sec", "q-rad_sec", "r-rad_sec", "phi-rad",
+    "theta-rad", "airspeed-m_sec", "velocity-mode", "command-1", "command-2",
+    "heading-rate-rad_sec", "v-z-m_sec",
+]
+
+
+def prove_jsbsim(directory, vectors, schemas):
+    import jsbsim
+
+    try:
+        return fly_jsbsim(jsbsim, directory, vectors)
+    except jsbsim.BaseError as error:
+        raise Wrong(f"JSBSim: {error}") from error
+
+
+def fly_jsbsim(jsbsim, directory, vectors):
+    place = directory / "aircraft/bench"
+    (place / "Systems").mkdir(parents=True, exist_ok=True)
+    (place / "bench.xml").write_text(AIRCRAFT)
+    shutil.copy(directory / "law_law.xml", place / "Systems")
+    # No output but errors.
+    jsbsim.FGJSBBase().debug_lvl = 0
+    fdm = jsbsim.FGFDMExec(str(directory), None)
+    fdm.set_debug_level(0)
+    fdm.set_dt(STEP)
+    if not fdm.load_model("bench"):
+        raise Wrong("JSBSim does not load it")
+    # High above the ground, so that the bench stays clear of it.
+    fdm["ic/h-sl-ft"] = 30000.0
+    fdm["law/in/reset"] = 1.0
+    fdm.run_ic()
+
+    properties = {}
+    for name, (t, row, column) in zip(vectors.names, vectors.law_entries()):
+        path = f"law/at/{t}/{row}" + ("" if column == "value" else f"/{column}")
+        properties[name] = path
+    catalog = {line.split(" ")[0] for line in fdm.query_property_catalog("law/at").splitlines()}
+    columns = [k for k, name in enumerate(vectors.names[:-1]) if properties[name] in catalog]
+    # Numbers that depend on speed are tables; the rest stand in the formulas.
+    varying = np.flatnonzero(np.ptp(vectors.values[:, :-1], axis=0) > DOUBLE)
+    if not set(varying) <= set(columns):
+        raise Wrong("not every number that depends on speed is a table")
+    found = []
+    for speed in vectors.speeds:
+        fdm["law/in/airspeed-m_sec"] = float(speed)
+        fdm.run()
+        line = [fdm[properties[vectors.names[k]]] for k in columns]
+        found.append(line + [fdm["law/turn/blend"]])
+    error = close("tables", found, vectors.values[:, columns + [-1]], DOUBLE)
+
+    found = []
+    for row in vectors.inputs:
+        for name, x in zip(JSBSIM_INPUTS, row[1:]):
+            fdm[f"law/in/{name}"] = float(x)
+        fdm["law/in/reset"] = 0.0 if found else 1.0
+        fdm.run()
+        found.append([fdm[f"law/sticks/{s}"] for s in ("lat", "lon", "col", "ped")])
+    return max(error, close("sticks", found, vectors.sticks, DOUBLE, TRAVEL))
+
+
+def prove_fmu(directory, vectors, schemas):
+    import fmpy
+    import fmpy.fmi2
+    import fmpy.validation
+
+    path = directory / "law.fmu"
+    problems = fmpy.validation.validate_fmu(str(path))
+    if problems:
+        raise Wrong(f"FMPy: {problems}")
+    names = ["u", "v", "w", "p", "q", "r", "phi", "theta", "airspeed", "mode", "command_1",
+             "command_2", "heading_rate", "v_z_command"]
+    description = fmpy.read_model_description(str(path))
+    reference = {v.name: v.valueReference for v in description.modelVariables}
+    folder = fmpy.extract(str(path), str(directory / "unpacked"))
+    real = [n for n in names if n != "mode"]
+    columns = [1 + names.index(n) for n in real]
+    unit = fmpy.fmi2.FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="law",
+    )
+    unit.instantiate()
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    found = []
+    outputs = [reference[s] for s in ("lat", "lon", "col", "ped")]
+    for row in vectors.inputs:
+        unit.setReal([reference[n] for n in real], [float(row[k]) for k in columns])
+        unit.setInteger([reference["mode"]], [int(row[10])])
+        unit.doStep(currentCommunicationPoint=float(row[0]), communicationStepSize=STEP)
+        found.append(unit.getReal(outputs))
+    unit.terminate()
+    unit.freeInstance()
+    error = close("sticks", found, vectors.sticks, DOUBLE, TRAVEL)
+    # FMPy's own simulation loop, on a stretch of constant inputs.
+    start = {n: float(vectors.inputs[0][k]) for n, k in zip(real, columns)}
+    result = fmpy.simulate_fmu(
+        str(path), start_values=start, stop_time=STEP, step_size=STEP, output_interval=STEP,
+        output=["lat", "lon", "col", "ped"],
+    )
+    last = [result[s][-1] for s in ("lat", "lon", "col", "ped")]
+    return max(error, close("simulate_fmu", last, vectors.sticks[0], DOUBLE, TRAVEL))
+
+
+# --- Back again --------------------------------------------------------------
+
+
+def prove_import(program, directory, vectors):
+    """MAT files that other programs wrote, compressed, must come back as the
+    same law."""
+    import scipy.io
+
+    data = scipy.io.loadmat(directory / "law.mat")
+    data = {k: v for k, v in data.items() if not k.startswith("__")}
+    scipy.io.savemat(directory / "scipy.mat", data, do_compression=True)
+    files = ["scipy.mat"]
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is not None:
+        files.append("octave.mat")
+        code = "s = load('law.mat'); save('-v7', 'octave.mat', '-struct', 's');"
+        run(octave, "--norc", "--eval", code, cwd=directory)
+    for file in files:
+        design = directory / f"{file}_imported"
+        run(program, "import", directory / file, "-o", design)
+        out = directory / f"{file}_vectors"
+        run(program, "export", design, "--to", "vectors", "--name", "law", "--unverified",
+            "--step", f"{STEP} s", "-o", out)
+        if (out / "law_steps.csv").read_text() != vectors.steps_text:
+            raise Wrong(f"{file}: another law came back")
+    return files
+
+
+# --- All of them -------------------------------------------------------------
+
+
+def corrupt_text(file, decimals):
+    """Changes one number of an artefact that matters."""
+
+    def change(directory):
+        path = directory / file
+        text = path.read_text()
+        wrong = None
+        for decimal in decimals:
+            if decimal in text:
+                digit = decimal.find(".") + 3
+                other = "7" if decimal[digit] != "7" else "3"
+                wrong = decimal[:digit] + other + decimal[digit + 1 :]
+                text = text.replace(decimal, wrong, 1)
+                break
+        if wrong is None:
+            raise RuntimeError(f"nothing to corrupt in {file}")
+        path.write_text(text)
+
+    return change
+
+
+def corrupt_mat(value):
+    def change(directory):
+        path = directory / "law.mat"
+        data = path.read_bytes()
+        old = np.float64(value).tobytes()
+        assert old in data
+        path.write_bytes(data.replace(old, np.float64(value * 1.001).tobytes(), 1))
+
+    return change
+
+
+def corrupt_fmu(value):
+    def change(directory):
+        path = directory / "law.fmu"
+        data = path.read_bytes()
+        # The shared object, behind the last local header of the archive.
+        at = data.index(b"binaries/")
+        old = np.float64(value).tobytes()
+        assert old in data[at:]
+        wrong = data[:at] + data[at:].replace(old, np.float64(value * 1.001).tobytes())
+        path.write_bytes(refreshed(wrong))
+
+    return change
+
+
+def refreshed(data):
+    """The archive with its check sums made right, so that only its contents
+    are wrong."""
+    import io
+    import struct
+    import zipfile
+    import zlib
+
+    data = bytearray(data)
+    with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
+        infos = archive.infolist()
+    for info in infos:
+        name = info.filename.encode()
+        head = info.header_offset
+        extra = struct.unpack_from("<H", data, head + 28)[0]
+        start = head + 30 + len(name) + extra
+        crc = struct.pack("<I", zlib.crc32(bytes(data[start : start + info.file_size])))
+        data[head + 14 : head + 18] = crc
+        central = data.rindex(name) - 46
+        assert data[central : central + 4] == b"PK\x01\x02"
+        data[central + 16 : central + 20] = crc
+    return bytes(data)
+
+
+def main(program, schedule):
+    scratch = pathlib.Path(tempfile.mkdtemp(prefix="export-"))
+    try:
+        check(program, schedule, scratch)
+    finally:
+        shutil.rmtree(scratch)
+    print(f"{len(failures)} failures" if failures else "all exports agree with the law")
+    return 1 if failures else 0
+
+
+def check(program, schedule, scratch):
+    def export(folder, form, *more):
+        out = scratch / folder
+        run(program, "export", schedule, "--to", form, "--name", "law", "--unverified",
+            "--step", f"{STEP} s", "-o", out, *more)
+        return out
+
+    vectors = Vectors(export("vectors", "vectors"))
+    schemas = {kind: json.loads(run(program, "schema", "--of", kind)) for kind in ("law", "schedule")}
+    import jsonschema
+
+    path = pathlib.Path(schedule)
+    native = json.loads((path / "schedule.json" if path.is_dir() else path).read_text())
+    try:
+        jsonschema.Draft202012Validator.check_schema(schemas["schedule"])
+        jsonschema.validate(native, schemas["schedule"])
+        report(True, "schedule.json", "its JSON Schema holds")
+    except jsonschema.ValidationError as error:
+        report(False, "schedule.json", error.message[:300])
+
+    # Numbers that matter, as every form writes them: of B_d^-1 at an inner
+    # breakpoint, from the schedule itself.
+    inner = native["points"][len(native["points"]) // 2]["matrices"]["decoupling"]
+    value = inner[0][0]
+    single = str(np.float32(value))
+    decimals = [repr(value), single]
+    sanitized = functools.partial(prove_c, flags=SANITIZERS)
+    single_c = functools.partial(prove_c, tolerance=SINGLE)
+    single_rust = functools.partial(prove_rust, tolerance=SINGLE)
+    gain = re.compile(r"^ATC_RAT_RLL_P (\S+)$", re.M)
+    proofs = [
+        ("json", [], prove_json, corrupt_text("law.json", decimals)),
+        ("csv", [], prove_csv, corrupt_text("law.csv", decimals)),
+        ("toml", [], prove_toml, corrupt_text("law.toml", decimals)),
+        ("c", [], prove_c, corrupt_text("law_law.c", decimals)),
+        ("c", ["sanitizers"], sanitized, corrupt_text("law_law.c", decimals)),
+        ("c", ["--precision", "float"], single_c, corrupt_text("law_law.c", decimals)),
+        ("rust", [], prove_rust, corrupt_text("law_law.rs", decimals)),
+        ("rust", ["--precision", "float"], single_rust, corrupt_text("law_law.rs", decimals)),
+        ("matlab", [], prove_matlab, corrupt_mat(value)),
+        ("python", [], prove_python, corrupt_text("law.json", decimals)),
+        ("jsbsim", [], prove_jsbsim, corrupt_text("law_law.xml", decimals)),
+        ("ardupilot", ["lua"], prove_lua, corrupt_text("law_schedule.lua", decimals)),
+        ("ardupilot", ["parameters"], prove_param, None),
+        ("fmu", ["--cc", "gcc"], prove_fmu, corrupt_fmu(value)),
+    ]
+    for form, more, prove, corrupt in proofs:
+        name = " ".join([form, *[m.lstrip("-") for m in more]])
+        folder = name.replace(" ", "_")
+        options = more if more and more[0].startswith("--") else []
+        began = time.monotonic()
+        try:
+            directory = export(folder, form, *options)
+            if corrupt is None:
+                found = gain.search((directory / "law.param").read_text()).group(1)
+                corrupt = corrupt_text("law.param", [found])
+            spoilt = scratch / (folder + "_spoilt")
+            shutil.copytree(directory, spoilt)
+            error = prove(directory, vectors, schemas)
+            report(True, name, f"differs by {error:.1e} ({time.monotonic() - began:.1f} s)")
+        except Wrong as wrong:
+            report(False, name, wrong)
+            continue
+        corrupt(spoilt)
+        try:
+            prove(spoilt, vectors, schemas)
+            report(False, name, "the corrupted artefact passes")
+        except Wrong as wrong:
+            report(True, name, f"corrupted: {str(wrong).splitlines()[0][:90]}")
+    try:
+        files = prove_import(program, export("back", "matlab"), vectors)
+        report(True, "import", f"{' and '.join(files)} give the same law")
+    except Wrong as wrong:
+        report(False, "import", wrong)
+    # The sources of the unit compile with a client's own tool chain, too.
+    for form in ("fmu",):
+        directory = export("fmu_sources", form)
+        with __import__("zipfile").ZipFile(directory / "law.fmu") as archive:
+            archive.extractall(directory / "unpacked")
+            text = archive.read("modelDescription.xml").decode()
+        xml.etree.ElementTree.fromstring(text)
+        try:
+            folder = directory / "unpacked/sources"
+            run("gcc", *CFLAGS, "-fPIC", "-shared", folder / "law_fmu.c", folder / "law_law.c",
+                "-lm", "-o", directory / "law.so")
+            report(True, "fmu sources", "compile without warnings")
+        except Wrong as wrong:
+            report(False, "fmu sources", wrong)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    sys.exit(main(sys.argv[1], sys.argv[2]))
