@@ -2,15 +2,19 @@
 
 mod common;
 
-use coaxdesign::control::axis::{Channel, ChannelGains};
+use coaxdesign::control::axis::{Axis, Channel, ChannelGains, Effector};
 use coaxdesign::control::design::{Design, design};
 use coaxdesign::control::law::{LawPoint, LawTable};
 use coaxdesign::control::models::{build, varied};
-use coaxdesign::control::plant::{Inversion, ModelSet, rigid};
+use coaxdesign::control::plant::{
+    CONTROL_POWER_FREQUENCY, Inversion, ModelSet, SLOWEST_REFERENCE, rigid,
+};
 use coaxdesign::control::spec::{self, Specification};
 use coaxdesign::control::testbed;
 use coaxdesign::control::verify::{BladeControl, authority, verify};
 use common::{KNOT, coarsened, problem};
+use nalgebra::Matrix3;
+use num_complex::Complex64;
 
 /// Inner axes of the built-in targets at one speed of the test bed, tuned.
 fn tuned() -> (Specification, ModelSet, Design) {
@@ -152,5 +156,54 @@ fn models_vary_mass_altitude_and_centre_of_gravity() {
     // All of them can be inverted.
     for p in &built.set.plants[0] {
         Inversion::new(p).unwrap();
+    }
+}
+
+/// Slowest mode of the reference model's own velocities, 1/s.
+fn slowest(i: &Inversion) -> f64 {
+    let free = i.reference.dynamics * i.reference.state;
+    free.complex_eigenvalues().iter().map(|e| e.re).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Where the left-over velocities drift apart the reference model does not;
+/// where they settle by themselves it is the exact inversion.
+#[test]
+fn reference_model_settles() {
+    let mut plant = testbed::plant(10.0, &testbed::NOMINAL);
+    let i = Inversion::new(&plant).unwrap();
+    let exact = plant.reduced_a - plant.reduced_b * i.decoupling * i.feedback;
+    assert!(slowest(&i) < -SLOWEST_REFERENCE, "{}", slowest(&i));
+    let difference = i.reference.dynamics - exact.fixed_rows::<2>(0);
+    assert!(difference.amax() < 1e-12);
+    plant.reduced_a[(rigid::U, rigid::U)] += 0.3;
+    let i = Inversion::new(&plant).unwrap();
+    assert!((slowest(&i) + SLOWEST_REFERENCE).abs() < 1e-9, "{}", slowest(&i));
+}
+
+/// Attitude errors move no collective, heave errors leave attitudes alone at
+/// the frequency of the allocation, and attitudes have the size asked for.
+#[test]
+fn allocation_is_triangular_and_meets_the_power_it_assumes() {
+    for speed in [0.0, 20.0, 40.0] {
+        let plant = testbed::plant(speed, &testbed::NOMINAL);
+        let i = Inversion::new(&plant).unwrap();
+        let (heave, collective) = (Axis::Heave.index(), Effector::Collective.index());
+        for axis in [Axis::Roll, Axis::Pitch, Axis::Yaw] {
+            let scale = i.allocation.column(axis.index()).amax();
+            assert!(i.allocation[(collective, axis.index())].abs() < 1e-9 * scale);
+        }
+        // B_d + Re F_uvw (jω − A)⁻¹ B by complex arithmetic.
+        let a = plant.reduced_a.fixed_view::<3, 3>(0, 0).map(|v| Complex64::new(v, 0.0));
+        let s = Matrix3::identity() * Complex64::new(0.0, CONTROL_POWER_FREQUENCY);
+        let follow = (s - a).try_inverse().unwrap().map(|v| v.re);
+        let power = i.decoupling.try_inverse().unwrap()
+            + i.feedback.fixed_columns::<3>(0) * follow * plant.reduced_b.fixed_rows::<3>(0);
+        let reached = power * i.allocation;
+        for r in (0..4).filter(|&r| r != heave) {
+            for c in 0..4 {
+                let unit = if r == c { 1.0 } else { 0.0 };
+                assert!((reached[(r, c)] - unit).abs() < 1e-6, "{speed}: {reached}");
+            }
+        }
     }
 }
