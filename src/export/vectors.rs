@@ -134,7 +134,7 @@ fn stimulus(table: &LawTable, time: f64) -> (Measurement, Demand) {
         // Harder than anyone would fly, at low speed where bank is not yet
         // that of a coordinated turn: the limits of the cyclic.
         Horizontal::Attitude {
-            roll: m.roll + 0.2 * mild + pulse(22.5, 0.3, 9.0),
+            roll: m.roll + 0.2 * mild + pulse(22.5, 0.1, 9.0),
             pitch: m.pitch - 0.1 * mild - pulse(6.0, 0.3, 2.0),
         }
     };
