@@ -269,8 +269,8 @@ mod tests {
             b > 0.0 && b < 1.0
         };
         assert!(rows.iter().filter(blend).count() > 100);
-        for j in 0..4 {
-            let at = |r: &&Row| limits[j].contains(&r.sticks[j]);
+        for (j, limit) in limits.iter().enumerate() {
+            let at = |r: &&Row| limit.contains(&r.sticks[j]);
             let count = rows.iter().filter(at).count();
             assert!(count > 0, "stick {j} reaches no limit");
             assert!(count < rows.len() / 2, "stick {j} is at a limit in {count} steps");
