@@ -573,7 +573,7 @@ mod tests {
         };
         let sources = ["a".to_string(), "b".to_string()];
         let key =
-            |argument: &str, sources: &[String]| stage(argument).key(directory.path(), sources);
+            |argument: &str, sources: &[String; 2]| stage(argument).key(directory.path(), sources);
         let first = key("x", &sources);
         assert_eq!(first, key("x", &sources));
         assert_ne!(first, key("y", &sources));
