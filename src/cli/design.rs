@@ -17,6 +17,7 @@ use super::args::{ProblemArgs, STAGE, Units, UnitsArgs};
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
+use crate::export::Format;
 use crate::problem::BUILTIN;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::schedule::hash;
@@ -50,11 +51,12 @@ pub struct Design {
     /// Forms of the schedule to export
     #[arg(
         long,
+        value_enum,
         value_name = "FORMATS",
         value_delimiter = ',',
         default_value = "json,csv,c,matlab,python,jsbsim"
     )]
-    exports: Vec<String>,
+    exports: Vec<Format>,
     /// Run every stage, changed or not
     #[arg(long)]
     again: bool,
@@ -379,7 +381,8 @@ impl Design {
                 ..Stage::default()
             },
         ];
-        let exports = self.exports.iter().filter(|_| knows("export")).map(|format| Stage {
+        let names = self.exports.iter().map(|format| format.about().name);
+        let exports = names.map(|format| Stage {
             name: format!("export {format}"),
             // What misses a requirement is exported too, and says so.
             arguments: text(&["export", "--to", format, "--unverified"]),
@@ -503,12 +506,6 @@ impl Stage {
     }
 }
 
-/// Whether the program has a subcommand.
-fn knows(subcommand: &str) -> bool {
-    use clap::CommandFactory as _;
-    super::Cli::command().find_subcommand(subcommand).is_some()
-}
-
 /// Hash of a text file; none where it cannot be read.
 fn hash_of(path: &Path) -> Option<String> {
     let bytes = std::fs::read(path).ok()?;
@@ -573,7 +570,7 @@ mod tests {
         };
         let sources = ["a".to_string(), "b".to_string()];
         let key =
-            |argument: &str, sources: &[String]| stage(argument).key(directory.path(), sources);
+            |argument: &str, sources: &[String; 2]| stage(argument).key(directory.path(), sources);
         let first = key("x", &sources);
         assert_eq!(first, key("x", &sources));
         assert_ne!(first, key("y", &sources));
