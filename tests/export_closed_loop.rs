@@ -133,9 +133,9 @@ fn the_c_export_flies_the_papers_manoeuvre_like_our_own_law() {
         for (a, b) in simulator.position().iter().zip(position) {
             worst = worst.max((a - b).abs());
         }
-        for j in 0..4 {
-            worst = worst.max((sticks[j] - own_sticks[j]).abs() / 100.0);
-            moved = moved.max((own_sticks[j] - track[0].2[j]).abs());
+        for ((a, b), first) in sticks.iter().zip(own_sticks).zip(track[0].2) {
+            worst = worst.max((a - b).abs() / 100.0);
+            moved = moved.max((b - first).abs());
         }
         simulator.advance(sticks).unwrap();
     }

@@ -603,31 +603,35 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
     text
 }
 
+/// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
-    let mut worst: Vec<&Authority> = Vec::new();
     for axis in ["roll", "pitch", "yaw", "heave"] {
-        let of = checks.iter().filter(|c| c.axis == axis);
-        worst.extend(of.max_by(|a, b| a.used_percent.total_cmp(&b.used_percent)));
-    }
-    for c in worst {
-        let of: Vec<_> = checks.iter().filter(|o| o.axis == c.axis).collect();
-        let reach = match of.iter().position(|o| !o.passed) {
-            None => "within limits at all speeds".into(),
-            Some(0) => "BEYOND LIMITS from the lowest speed on".into(),
-            Some(k) => format!(
-                "within limits up to {}, BEYOND LIMITS above",
-                speed_text(of[k - 1].speed_m_s, system)
-            ),
+        let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis).collect();
+        let Some(worst) = of.iter().max_by(|a, b| a.used_percent.total_cmp(&b.used_percent)) else {
+            continue;
         };
+        let beyond: Vec<String> = of
+            .iter()
+            .filter(|c| c.used_percent > 100.0)
+            .map(|c| format!("{:.0}", speed(c.speed_m_s, system)))
+            .collect();
+        let room = if beyond.is_empty() {
+            "within limits".to_string()
+        } else {
+            let unit = Kind::Airspeed.symbol(system);
+            format!("BEYOND LIMITS at {} {unit}", beyond.join(", "))
+        };
+        let fastest = of.iter().map(|c| c.rate_deg_s).fold(0.0, f64::max);
+        // A check that fails with room to spare fails by its rate.
+        let fast = of.iter().any(|c| !c.passed && c.used_percent <= 100.0);
+        let rate = if fast { "BEYOND" } else { "within" };
         text += &format!(
-            "  {:5} {reach}; worst at {:>6}: {} uses {:.0} % of its room, blade pitch rate up to \
-             {:.0} deg/s\n",
-            c.axis,
-            speed_text(c.speed_m_s, system),
-            c.control,
-            c.used_percent,
-            c.rate_deg_s,
+            "  {axis:5} {room}, most at {}: {} uses {:.0} % of its room; blade pitch rate up to \
+             {fastest:.0} deg/s, {rate} its limit\n",
+            speed_text(worst.speed_m_s, system),
+            worst.control,
+            worst.used_percent,
         );
     }
     text

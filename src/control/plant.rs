@@ -261,7 +261,8 @@ pub struct ReferenceModel {
     pub state: SMatrix<f64, 8, 2>,
     /// 8 × 6.
     pub input: SMatrix<f64, 8, 6>,
-    /// First two rows of A − B B_d⁻¹ F, 2 × 8.
+    /// First two rows of A − B B_d⁻¹ F, 2 × 8, with u and v pulled back where
+    /// they would settle slower than [`SLOWEST_REFERENCE`], or drift apart.
     pub dynamics: SMatrix<f64, 2, 8>,
     /// First two rows of B B_d⁻¹, 2 × 4.
     pub drive: SMatrix<f64, 2, 4>,
@@ -270,6 +271,9 @@ pub struct ReferenceModel {
 /// Frequency at which the allocation of feedback takes the power of the sticks
 /// over attitudes, rad/s: somewhat below the crossovers that are asked for.
 pub const CONTROL_POWER_FREQUENCY: f64 = 1.0;
+
+/// Least rate at which the velocities of the reference model settle, 1/s.
+pub const SLOWEST_REFERENCE: f64 = 0.01;
 
 /// Largest condition number of the scaled decoupling matrix that may be
 /// inverted, 1.
@@ -345,10 +349,20 @@ impl Inversion {
         input[(rigid::W, 1)] = -outputs[(3, rigid::THETA)] / c_w;
         input[(rigid::W, 5)] = 1.0 / c_w;
         let driven = b * inverse;
+        let mut dynamics = (a - driven * feedback).fixed_rows::<2>(0).into_owned();
+        // Velocities that drift apart by themselves would take the model with
+        // them, out of reach of every loop: it is pulled back just enough.
+        let free = dynamics * state;
+        let half = 0.5 * free.trace();
+        let root = half * half - free.determinant();
+        let slowest = half + root.max(0.0).sqrt();
+        let pull = (slowest + SLOWEST_REFERENCE).max(0.0);
+        dynamics[(0, rigid::U)] -= pull;
+        dynamics[(1, rigid::V)] -= pull;
         let reference = ReferenceModel {
             state,
             input,
-            dynamics: (a - driven * feedback).fixed_rows::<2>(0).into_owned(),
+            dynamics,
             drive: driven.fixed_rows::<2>(0).into_owned(),
         };
         Ok(Self {
@@ -458,4 +472,67 @@ fn invert_scaled(m: &SMatrix<f64, 4, 4>) -> Result<SMatrix<f64, 4, 4>, f64> {
         }
     }
     Ok(inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::testbed;
+
+    /// Slowest mode of the reference model's own velocities, 1/s.
+    fn slowest(i: &Inversion) -> f64 {
+        let free = i.reference.dynamics * i.reference.state;
+        free.complex_eigenvalues().iter().map(|e| e.re).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Where the left-over velocities drift apart the reference model does not;
+    /// where they settle by themselves it is the exact inversion.
+    #[test]
+    fn reference_model_settles() {
+        let mut plant = testbed::plant(10.0, &testbed::NOMINAL);
+        let i = Inversion::new(&plant).unwrap();
+        let exact = plant.reduced_a - plant.reduced_b * i.decoupling * i.feedback;
+        assert!(slowest(&i) < -SLOWEST_REFERENCE);
+        assert_eq!(i.reference.dynamics, exact.fixed_rows::<2>(0).into_owned());
+        plant.reduced_a[(rigid::U, rigid::U)] += 0.3;
+        let i = Inversion::new(&plant).unwrap();
+        assert!((slowest(&i) + SLOWEST_REFERENCE).abs() < 1e-9, "{}", slowest(&i));
+    }
+
+    /// Attitude errors move no collective; heave errors leave attitudes alone
+    /// at the frequency of the allocation; both have the right size there.
+    #[test]
+    fn allocation_is_triangular_and_meets_the_power_it_assumes() {
+        for speed in [0.0, 20.0, 40.0] {
+            let plant = testbed::plant(speed, &testbed::NOMINAL);
+            let i = Inversion::new(&plant).unwrap();
+            let (heave, collective) = (Axis::Heave.index(), Effector::Collective.index());
+            for axis in [Axis::Roll, Axis::Pitch, Axis::Yaw] {
+                let scale = i.allocation.column(axis.index()).amax();
+                assert!(i.allocation[(collective, axis.index())].abs() < 1e-9 * scale);
+            }
+            // B_d + Re F_uvw (jω − A)⁻¹ B by complex arithmetic.
+            let w = CONTROL_POWER_FREQUENCY;
+            let a = plant
+                .reduced_a
+                .fixed_view::<3, 3>(0, 0)
+                .map(|v| num_complex::Complex64::new(v, 0.0));
+            let inverse = (Matrix3::identity() * num_complex::Complex64::new(0.0, w) - a)
+                .try_inverse()
+                .unwrap();
+            let follow = inverse.map(|v| v.re);
+            let power = i.decoupling.try_inverse().unwrap()
+                + i.feedback.fixed_columns::<3>(0) * follow * plant.reduced_b.fixed_rows::<3>(0);
+            let reached = power * i.allocation;
+            for r in 0..4 {
+                for c in 0..4 {
+                    if r != heave {
+                        let unit = if r == c { 1.0 } else { 0.0 };
+                        // Rows are rad/s²; a unit of heave is 1 m/s².
+                        assert!((reached[(r, c)] - unit).abs() < 1e-6, "{speed}: {reached}");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -360,7 +360,7 @@ fn law(w: &mut Writer) {
             w.set(&format!("delay/{name}-{k}"), &pick(anew(&name), start.clone(), next));
         }
         if delay > 0 {
-            w.set(&format!("delay/{name}-1"), &sum(&[last.clone()]));
+            w.set(&format!("delay/{name}-1"), &sum(std::slice::from_ref(&last)));
             past.push(w.p(&format!("delay/{name}-{delay}")));
         } else {
             // Without a delay the velocity errors see the last reference.

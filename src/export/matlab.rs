@@ -15,7 +15,6 @@ const LOADER: &str = include_str!("templates/load.m");
 pub(super) fn files(input: &Input) -> Vec<File> {
     let (d, name) = (input.description, &input.options.name);
     let mut mat = MatFile::new();
-    let strs = |list: &[String]| list.iter().map(|s| s.as_str().to_owned()).collect::<Vec<_>>();
     let cell = |mat: &mut MatFile, name: &str, texts: &[String]| {
         mat.cell_of_text(name, &texts.iter().map(String::as_str).collect::<Vec<_>>());
     };
@@ -53,8 +52,8 @@ pub(super) fn files(input: &Input) -> Vec<File> {
             .flat_map(|m| (0..columns).flat_map(move |j| m.iter().map(move |row| row[j])))
             .collect();
         mat.array(&t.name, &[rows, columns, t.values.len()], &by_columns);
-        cell(&mut mat, &format!("{}_rows", t.name), &strs(&t.rows));
-        cell(&mut mat, &format!("{}_columns", t.name), &strs(&t.columns));
+        cell(&mut mat, &format!("{}_rows", t.name), &t.rows);
+        cell(&mut mat, &format!("{}_columns", t.name), &t.columns);
         let units: Vec<String> =
             (0..columns).flat_map(|j| t.units.iter().map(move |row| row[j].clone())).collect();
         cell(&mut mat, &format!("{}_units", t.name), &units);

@@ -134,7 +134,7 @@ fn stimulus(table: &LawTable, time: f64) -> (Measurement, Demand) {
         // Harder than anyone would fly, at low speed where bank is not yet
         // that of a coordinated turn: the limits of the cyclic.
         Horizontal::Attitude {
-            roll: m.roll + 0.2 * mild + pulse(22.5, 0.3, 9.0),
+            roll: m.roll + 0.2 * mild + pulse(22.5, 0.1, 9.0),
             pitch: m.pitch - 0.1 * mild - pulse(6.0, 0.3, 2.0),
         }
     };
@@ -269,8 +269,8 @@ mod tests {
             b > 0.0 && b < 1.0
         };
         assert!(rows.iter().filter(blend).count() > 100);
-        for j in 0..4 {
-            let at = |r: &&Row| limits[j].contains(&r.sticks[j]);
+        for (j, limit) in limits.iter().enumerate() {
+            let at = |r: &&Row| limit.contains(&r.sticks[j]);
             let count = rows.iter().filter(at).count();
             assert!(count > 0, "stick {j} reaches no limit");
             assert!(count < rows.len() / 2, "stick {j} is at a limit in {count} steps");

@@ -638,8 +638,8 @@ static INFLOW: Table = Table {
             Value::Bool,
             "true",
             "Whether the lateral gradient of interference changes sign between rotors of opposite \
-             rotation, whose frames are mirror images, which is right, or keeps it, which the \
-             published matrices suggest.",
+             rotation, whose frames are mirror images, which is right, or keeps it, a slip to try \
+             on published matrices.",
         ),
         default(
             "wash_core",

@@ -85,7 +85,7 @@ impl Noise {
     }
 
     /// The next number of zero mean and unit variance.
-    pub fn next(&mut self) -> f64 {
+    pub fn draw(&mut self) -> f64 {
         StandardNormal.sample(&mut self.generator)
     }
 }
@@ -324,7 +324,7 @@ mod tests {
     fn noise_repeats_by_seed_and_stream() {
         let draw = |seed, stream| {
             let mut n = Noise::new(seed, stream);
-            [n.next(), n.next(), n.next()]
+            [n.draw(), n.draw(), n.draw()]
         };
         assert_eq!(draw(1, 0), draw(1, 0));
         assert_ne!(draw(1, 0), draw(1, 1));

@@ -366,7 +366,7 @@ mod tests {
         }
         assert!(found.coherence.iter().all(|c| *c > 0.98 && *c <= 1.0 + 1e-9));
         let mut noise = crate::simulate::equipment::Noise::new(1, 2);
-        let noisy: Vec<f64> = output.iter().map(|y| y + 0.5 * noise.next()).collect();
+        let noisy: Vec<f64> = output.iter().map(|y| y + 0.5 * noise.draw()).collect();
         let worse = response(&input, &noisy, step, [5.0, 10.0], 10);
         assert!(worse.coherence.iter().any(|c| *c < LEAST_COHERENCE));
         assert!(worse.coherent().omega.len() < worse.omega.len());

@@ -340,7 +340,7 @@ impl<'a> Simulator<'a> {
         let SensorNoise { velocity, rate, attitude, airspeed: speed } = self.options.noise;
         let mut noisy = |value: f64, deviation: f64| {
             // Draws always, so that one channel's noise does not shift another's.
-            value + deviation * self.noise.next()
+            value + deviation * self.noise.draw()
         };
         Measurement {
             velocity_body: [u, v, w].map(|x| noisy(x, velocity)),

@@ -82,10 +82,10 @@ struct Dryden {
 impl Dryden {
     fn new(seed: u64) -> Self {
         let mut noise = Noise::new(seed, 1);
-        let along = noise.next();
+        let along = noise.draw();
         let mut pair = || {
             // Stationary covariance [[1, ½], [½, ½]] of the two states.
-            let (a, b) = (noise.next(), noise.next());
+            let (a, b) = (noise.draw(), noise.draw());
             [a, 0.5 * a + 0.5 * b]
         };
         let (across, vertical) = (pair(), pair());
@@ -95,7 +95,7 @@ impl Dryden {
     /// Moves `step` s on; velocities along, across and down, m/s.
     fn advance(&mut self, step: f64, speed: f64, scale: [f64; 2], sigma: [f64; 2]) -> [f64; 3] {
         let keep = (-step * speed / scale[0]).exp();
-        self.along = keep * self.along + (1.0 - keep * keep).sqrt() * self.noise.next();
+        self.along = keep * self.along + (1.0 - keep * keep).sqrt() * self.noise.draw();
         let mut second = |state: &mut [f64; 2], length: f64| {
             let x = step * speed / length;
             let e = (-x).exp();
@@ -107,7 +107,7 @@ impl Dryden {
             let l11 = q11.max(0.0).sqrt();
             let l21 = if l11 > 0.0 { q12 / l11 } else { 0.0 };
             let l22 = (q22 - l21 * l21).max(0.0).sqrt();
-            let (n1, n2) = (self.noise.next(), self.noise.next());
+            let (n1, n2) = (self.noise.draw(), self.noise.draw());
             let [a, b] = *state;
             *state = [e * a + l11 * n1, e * (x * a + b) + l21 * n1 + l22 * n2];
             // y = b + √3 T b' with T b' = a − b; its variance is 2.
