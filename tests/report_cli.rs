@@ -210,6 +210,7 @@ fn a_design_runs_what_has_changed_and_nothing_else() {
     let commands: Vec<&str> =
         out(&plan).lines().filter_map(|line| line.split(' ').nth(1)).collect();
     assert_eq!(commands[..4], ["trim", "linearize", "tune-gains", "simulate"]);
+    assert!(commands[4..commands.len() - 1].iter().all(|c| *c == "export"));
     assert_eq!(*commands.last().unwrap(), "report");
     let first = design(&[]);
     assert!(code(&first) <= 1, "{}", err(&first));
@@ -217,6 +218,9 @@ fn a_design_runs_what_has_changed_and_nothing_else() {
     let bytes = |name: &str| std::fs::read(here.join("mine").join(name)).unwrap();
     let files = ["design.json", "trim.json", "models.json", "schedule.json", "report.html"];
     let before: Vec<Vec<u8>> = files.iter().map(|f| bytes(f)).collect();
+    // Exports are files of their own, and say what they are.
+    let c = std::fs::read_dir(here.join("mine/export/c")).unwrap().count();
+    assert!(c >= 2, "{c} files");
     let again = design(&[]);
     assert_eq!(code(&again), code(&first), "an unchanged design keeps its verdict");
     let rows = |output: &Output| out(output).matches(".json").count() + 1;

@@ -17,6 +17,7 @@ use super::args::{ProblemArgs, STAGE, Units, UnitsArgs};
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
+use crate::export::Format;
 use crate::problem::BUILTIN;
 use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use crate::schedule::hash;
@@ -50,11 +51,12 @@ pub struct Design {
     /// Forms of the schedule to export
     #[arg(
         long,
+        value_enum,
         value_name = "FORMATS",
         value_delimiter = ',',
         default_value = "json,csv,c,matlab,python,jsbsim"
     )]
-    exports: Vec<String>,
+    exports: Vec<Format>,
     /// Run every stage, changed or not
     #[arg(long)]
     again: bool,
@@ -379,7 +381,8 @@ impl Design {
                 ..Stage::default()
             },
         ];
-        let exports = self.exports.iter().filter(|_| knows("export")).map(|format| Stage {
+        let names = self.exports.iter().map(|format| format.about().name);
+        let exports = names.map(|format| Stage {
             name: format!("export {format}"),
             // What misses a requirement is exported too, and says so.
             arguments: text(&["export", "--to", format, "--unverified"]),
@@ -501,12 +504,6 @@ impl Stage {
         }
         Ok(Record { inputs, outputs, ended })
     }
-}
-
-/// Whether the program has a subcommand.
-fn knows(subcommand: &str) -> bool {
-    use clap::CommandFactory as _;
-    super::Cli::command().find_subcommand(subcommand).is_some()
 }
 
 /// Hash of a text file; none where it cannot be read.
