@@ -84,6 +84,61 @@
 //! # }
 //! ```
 //!
+//! A manoeuvre flies it on the whole nonlinear vehicle, from a trim.
+//!
+//! ```
+//! use coaxdesign::control::spec;
+//! use coaxdesign::schedule::Schedule;
+//! use coaxdesign::simulate::flight::Autopilot;
+//! use coaxdesign::simulate::{Flight, Options, Status, maneuver};
+//! use coaxdesign::trim::{self, FlightCondition, Guess};
+//! use coaxdesign::{problem, vehicle::Vehicle};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let vehicle = Vehicle::new(&problem::builtin()?.problem)?;
+//! let text = r#"
+//!     title = "Two seconds of hover"
+//!     duration = "2 s"
+//!     mode = "velocity"
+//! "#;
+//! let hover = maneuver::parse("hover.toml", text).map_err(|report| report.to_string())?;
+//! let condition = hover.start.condition;
+//! let guess = Guess::estimate(&vehicle, &condition);
+//! let point = trim::trim(&vehicle, condition, &guess, &trim::Options::default());
+//! let start = point.into_converged().map_err(|point| format!("{:?}", point.status))?;
+//!
+//! let schedule = Schedule::from_json(&std::fs::read_to_string("designs/coax2d/schedule.json")?)?;
+//! let law = Autopilot { table: schedule.law()?, stick_limits: schedule.stick_limits };
+//! let options = Options::new(schedule.hardware, spec::builtin()?.pitch_rate_limit);
+//! let mut flight = Flight::new(&vehicle, &start, Some(&law), &hover, &options)?;
+//! assert_eq!(flight.fly(|_| {}), Status::Completed);
+//! let [north, east, _] = flight.simulator.position();
+//! assert!(north.hypot(east) < 1.0, "drifted {north} m, {east} m");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Exports are files of other programs, proven in them.
+//!
+//! ```
+//! use coaxdesign::export::{self, Format, Precision};
+//! use coaxdesign::schedule::Schedule;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let schedule = Schedule::from_json(&std::fs::read_to_string("designs/coax2d/schedule.json")?)?;
+//! let options = export::Options {
+//!     name: "coax".into(),
+//!     step: 0.01,
+//!     precision: Precision::Double,
+//!     speed: 0.0,
+//!     binary: None,
+//! };
+//! let files = export::export(&schedule, Vec::new(), Format::C, &options)?;
+//! assert!(files.iter().any(|file| file.name == "coax_law.h"));
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! Reports draw what they are given, as text, SVG or one HTML page.
 //!
 //! ```

@@ -32,6 +32,14 @@ pub struct Import {
 
 impl Import {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
+        if let Some(directory) = &self.output
+            && directory.extension().is_some_and(|ending| ending == "json")
+        {
+            return Err(CliError::Usage {
+                message: format!("-o {}: it names a file", directory.display()),
+                help: "give the directory into which schedule.json is to go".into(),
+            });
+        }
         let ending = self.file.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let source = match ending.to_ascii_lowercase().as_str() {
             "json" => Source::Json,

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
-use super::trim::{ConditionArgs, failures};
+use super::trim::{FlightArgs, failures};
 use super::{CliError, output};
 use crate::linear::frequency::{ErrorOptions, ResponseError, log_grid, response_error};
 use crate::linear::harmonic::{Harmonics, decompose, mean_channels};
@@ -34,28 +34,15 @@ pub struct PointArgs {
     /// True airspeed, such as "45 kt"
     #[arg(long, value_name = "SPEED", default_value = "0 kt", allow_hyphen_values = true)]
     pub speed: String,
-    /// Rate of climb, such as "300 ft/min"
-    #[arg(long, value_name = "RATE", allow_hyphen_values = true)]
-    pub climb: Option<String>,
-    /// Rate of turn, such as "0.15 rad/s", positive to starboard
-    #[arg(long, value_name = "RATE", allow_hyphen_values = true)]
-    pub turn_rate: Option<String>,
-    /// Sideslip to hold, such as "5 deg" (zero by default)
-    #[arg(long, value_name = "ANGLE", conflicts_with = "bank", allow_hyphen_values = true)]
-    pub sideslip: Option<String>,
-    /// Bank to hold instead of sideslip, such as "0 deg"
-    #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
-    pub bank: Option<String>,
-    /// Pressure altitude in place of the file's, such as "2000 ft"
-    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
-    pub altitude: Option<String>,
+    #[command(flatten)]
+    pub flight: FlightArgs,
 }
 
 impl PointArgs {
     /// The condition at `--speed`; the altitude goes into the problem.
     ///
     /// # Errors
-    /// As [`ConditionArgs::conditions`], or more than one speed.
+    /// As [`FlightArgs::conditions`], or more than one speed.
     pub fn condition(&self, problem: &mut Problem) -> Result<FlightCondition, CliError> {
         let usage = |message: String| CliError::Usage {
             message,
@@ -76,21 +63,13 @@ impl PointArgs {
     /// The conditions at several speeds.
     ///
     /// # Errors
-    /// As [`ConditionArgs::conditions`].
+    /// As [`FlightArgs::conditions`].
     pub fn conditions(
         &self,
         speeds: &str,
         problem: &mut Problem,
     ) -> Result<Vec<FlightCondition>, CliError> {
-        ConditionArgs {
-            speeds: speeds.to_owned(),
-            climb: self.climb.clone(),
-            turn_rate: self.turn_rate.clone(),
-            sideslip: self.sideslip.clone(),
-            bank: self.bank.clone(),
-            altitude: self.altitude.clone(),
-        }
-        .conditions(problem)
+        self.flight.conditions(speeds, problem)
     }
 }
 

@@ -69,6 +69,13 @@ pub struct ConditionArgs {
     /// True airspeeds: FIRST:LAST:STEP with a unit, a list, or one speed
     #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt", allow_hyphen_values = true)]
     pub speeds: String,
+    #[command(flatten)]
+    pub flight: FlightArgs,
+}
+
+/// The flight condition but for its speed.
+#[derive(Debug, Clone, Args)]
+pub struct FlightArgs {
     /// Rate of climb, such as "300 ft/min"
     #[arg(long, value_name = "RATE", allow_hyphen_values = true)]
     pub climb: Option<String>,
@@ -155,6 +162,21 @@ impl ConditionArgs {
     /// # Errors
     /// Quantities that cannot be read or make no sense together.
     pub fn conditions(&self, problem: &mut Problem) -> Result<Vec<FlightCondition>, CliError> {
+        self.flight.conditions(&self.speeds, problem)
+    }
+}
+
+impl FlightArgs {
+    /// Flight conditions at the speeds of a `--speeds` argument; the altitude
+    /// goes into the problem.
+    ///
+    /// # Errors
+    /// Quantities that cannot be read or make no sense together.
+    pub fn conditions(
+        &self,
+        speeds: &str,
+        problem: &mut Problem,
+    ) -> Result<Vec<FlightCondition>, CliError> {
         let optional = |flag: &str, text: &Option<String>, kind| {
             text.as_deref().map(|text| quantity(flag, text, kind)).transpose()
         };
@@ -187,7 +209,7 @@ impl ConditionArgs {
                 });
             }
         }
-        let speeds = parse_speeds(&self.speeds)?;
+        let speeds = parse_speeds(speeds)?;
         Ok(speeds
             .into_iter()
             .map(|speed| FlightCondition {

@@ -424,13 +424,18 @@ impl<const C: usize> Bicubic<C> {
         values: [&[f64]; C],
         ends: [Ends; 2],
     ) -> Result<Self, GridError> {
+        Self::check(x, y, values, ends)?;
+        let nodes = values.map(|f| node_data(x, y, f, ends));
+        Ok(Self::from_nodes(x, y, |c, i, j| nodes[c][i * y.len() + j]))
+    }
+
+    fn check(x: &[f64], y: &[f64], values: [&[f64]; C], ends: [Ends; 2]) -> Result<(), GridError> {
         check_axis("x", x, if ends[0] == Ends::Periodic { 4 } else { 2 })?;
         check_axis("y", y, if ends[1] == Ends::Periodic { 4 } else { 2 })?;
         for function in values {
             check_values(function, x.len() * y.len())?;
         }
-        let nodes = values.map(|f| node_data(x, y, f, ends));
-        Ok(Self::from_nodes(x, y, |c, i, j| nodes[c][i * y.len() + j]))
+        Ok(())
     }
 
     /// Interpolates like [`Bicubic::new`] by surfaces with continuous second
@@ -445,11 +450,7 @@ impl<const C: usize> Bicubic<C> {
         values: [&[f64]; C],
         ends: [Ends; 2],
     ) -> Result<Self, GridError> {
-        check_axis("x", x, if ends[0] == Ends::Periodic { 4 } else { 2 })?;
-        check_axis("y", y, if ends[1] == Ends::Periodic { 4 } else { 2 })?;
-        for function in values {
-            check_values(function, x.len() * y.len())?;
-        }
+        Self::check(x, y, values, ends)?;
         let (n, m) = (x.len(), y.len());
         let along_x = |f: &[f64]| {
             let mut out = vec![0.0; n * m];
@@ -632,8 +633,7 @@ impl Bicubic<1> {
 
     /// Whether the surface is above zero at every probe.
     pub fn is_positive(&self) -> bool {
-        let ends = |axis: &CellIndex| axis.breakpoints.clone();
-        let probes = |axis: Vec<f64>| -> Vec<f64> {
+        let probes = |axis: &[f64]| -> Vec<f64> {
             axis.windows(2)
                 .flat_map(|w| {
                     (0..Self::PROBES)
@@ -643,8 +643,8 @@ impl Bicubic<1> {
                 .chain(axis.iter().copied())
                 .collect()
         };
-        let y = probes(ends(&self.y));
-        probes(ends(&self.x)).iter().all(|&x| y.iter().all(|&y| self.value(x, y)[0] > 0.0))
+        let y = probes(&self.y.breakpoints);
+        probes(&self.x.breakpoints).iter().all(|&x| y.iter().all(|&y| self.value(x, y)[0] > 0.0))
     }
 
     /// ∂²f/∂x∂y.
