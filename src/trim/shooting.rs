@@ -7,7 +7,7 @@ use crate::problem::STICKS;
 use crate::trim::condition::{FlightCondition, Lateral};
 use crate::units::Kind;
 use crate::vehicle::layout::Quantity;
-use crate::vehicle::{Layout, Vehicle};
+use crate::vehicle::{Layout, Vehicle, Workspace};
 use nalgebra::{DMatrix, DVector};
 
 /// Tangents carried in one pass of the Jacobian; larger systems take several.
@@ -159,7 +159,20 @@ impl<'a> Shooting<'a> {
         &self,
         start: &[S],
         sticks: &[S; 4],
-        visit: impl FnMut(usize, f64, &[S], &[S]),
+        mut visit: impl FnMut(usize, f64, &[S], &[S]),
+    ) -> Period<S> {
+        self.fly_in(self.steps, start, sticks, |index, time, state, effectors, _| {
+            visit(index, time, state, effectors);
+        })
+    }
+
+    /// As [`Shooting::fly`]; `visit` also sees the workspace of the rates at
+    /// every step's start, from which outputs come without another evaluation.
+    pub fn fly_watched<S: Scalar>(
+        &self,
+        start: &[S],
+        sticks: &[S; 4],
+        visit: impl FnMut(usize, f64, &[S], &[S], &Workspace<S>),
     ) -> Period<S> {
         self.fly_in(self.steps, start, sticks, visit)
     }
@@ -169,7 +182,7 @@ impl<'a> Shooting<'a> {
         steps: usize,
         start: &[S],
         sticks: &[S; 4],
-        mut visit: impl FnMut(usize, f64, &[S], &[S]),
+        mut visit: impl FnMut(usize, f64, &[S], &[S], &Workspace<S>),
     ) -> Period<S> {
         let vehicle = self.vehicle;
         let n = vehicle.state_count();
@@ -184,7 +197,6 @@ impl<'a> Shooting<'a> {
         let weight = 1.0 / steps as f64;
         for index in 0..steps {
             let time = index as f64 * step;
-            visit(index, time, &state, &effectors);
             // The trapezoid rule of a periodic function.
             for (sum, rate) in navigation.iter_mut().zip(vehicle.navigation(&state)) {
                 *sum += rate * weight;
@@ -192,9 +204,13 @@ impl<'a> Shooting<'a> {
             for (sum, value) in mean.iter_mut().zip(&state) {
                 *sum += *value * weight;
             }
+            let mut at_start = true;
             integrator.step(time, step, &mut state, |time, x, rates| {
                 let azimuth = time * vehicle.reference_speed;
                 vehicle.rates(azimuth, x, &effectors, [0.0; 3], &mut work, rates);
+                if std::mem::take(&mut at_start) {
+                    visit(index, time, x, &effectors, &work);
+                }
             });
         }
         Period { end: state, navigation, mean }
@@ -272,7 +288,7 @@ impl Residuals for Shooting<'_> {
             }
             let n = self.free.len();
             let sticks = [0, 1, 2, 3].map(|k| seed(sticks[k], n + k));
-            let period = self.fly_in(self.jacobian_steps, &start, &sticks, |_, _, _, _| {});
+            let period = self.fly_in(self.jacobian_steps, &start, &sticks, |_, _, _, _, _| {});
             self.residuals(&start, &period, |row, value| {
                 for column in first..count.min(first + WIDTH) {
                     jacobian[(row, column)] = value.d[column - first];

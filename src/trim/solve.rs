@@ -509,18 +509,14 @@ fn report(
     step_error: f64,
 ) -> TrimPoint {
     let (state, sticks) = shooting.unpack(x);
-    let mut work = vehicle.workspace::<f64>();
-    let mut rates = vec![0.0; vehicle.state_count()];
     let mut rotors = vec![RotorMean::default(); vehicle.rotors.len()];
     let mut power = PowerBalance::default();
     let mut range = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; vehicle.rotors.len()];
     let weight = 1.0 / steps as f64;
     let mut orbit = Vec::with_capacity(steps);
-    let period = shooting.fly(&state, &sticks, |_, time, state, effectors| {
+    let period = shooting.fly_watched(&state, &sticks, |_, _, state, effectors, work| {
         orbit.push(state.to_vec());
-        let azimuth = time * vehicle.reference_speed;
-        vehicle.rates(azimuth, state, effectors, [0.0; 3], &mut work, &mut rates);
-        let output = vehicle.output(state, effectors, [0.0; 3], &work);
+        let output = vehicle.output(state, effectors, [0.0; 3], work);
         for (index, (mean, now)) in rotors.iter_mut().zip(&output.rotors).enumerate() {
             let add = |sum: &mut f64, value: f64| *sum += weight * value;
             let add3 = |sum: &mut [f64; 3], value: &[f64; 3]| {
