@@ -130,7 +130,7 @@ impl LawTable {
         let k = self.points.partition_point(|p| p.speed <= speed);
         let last = self.points.len() - 1;
         if k == 0 || k > last {
-            // NaN compares as beyond the last breakpoint.
+            // NaN compares as before the first breakpoint.
             let mut p = self.points[if k == 0 { 0 } else { last }].clone();
             p.speed = speed;
             return p;
