@@ -1,31 +1,13 @@
 //! `coaxdesign export` and `import`, as people and scripts meet them.
 
-use std::path::{Path, PathBuf};
-use std::process::Output;
+#[path = "common/program.rs"]
+mod program;
 
-use assert_cmd::Command;
+use std::path::{Path, PathBuf};
+
 use coaxdesign::export::{Format, sample, schema};
 use coaxdesign::schedule::Schedule;
-
-fn program(directory: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
-        .current_dir(directory)
-        .args(arguments.split_whitespace())
-        .output()
-        .unwrap()
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().unwrap()
-}
-
-fn out(output: &Output) -> &str {
-    std::str::from_utf8(&output.stdout).unwrap()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
+use program::{code, command as program, err, out};
 
 /// A directory with the sample as a design; `met` as its requirements.
 fn design(met: bool) -> tempfile::TempDir {

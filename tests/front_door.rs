@@ -1,27 +1,14 @@
 //! The program as people and scripts meet it: output, files and exit codes.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
 use std::process::{Command as Process, Output, Stdio};
 
-use assert_cmd::Command;
 use coaxdesign::problem;
+use program::{code, out, program};
 use serde_json::Value;
-
-fn program(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().unwrap()
-}
-
-fn out(output: &Output) -> &str {
-    std::str::from_utf8(&output.stdout).unwrap()
-}
 
 fn json(output: &Output) -> Value {
     serde_json::from_str(out(output)).unwrap()

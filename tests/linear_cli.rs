@@ -1,34 +1,16 @@
 //! The subcommands on linear models, as people and scripts meet them.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::Output;
 
-use assert_cmd::Command;
 use coaxdesign::linear::io::{from_json, set_from_json};
+use program::{code, command as program, err, out};
 use serde_json::Value;
-
-fn program(directory: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
-        .current_dir(directory)
-        .args(arguments.split_whitespace())
-        .output()
-        .unwrap()
-}
 
 fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().unwrap()
-}
-
-fn out(output: &Output) -> &str {
-    std::str::from_utf8(&output.stdout).unwrap()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]

@@ -1,24 +1,12 @@
 //! `simulate` and `montecarlo` as scripts meet them.
 
-use std::path::Path;
-use std::process::Output;
+#[path = "common/program.rs"]
+mod program;
 
-use assert_cmd::Command;
+use program::{code, program};
 use serde_json::Value;
 
 const DESIGN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/designs/coax2d");
-
-fn program(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
-        .current_dir(directory)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().unwrap()
-}
 
 /// A history is whole, has a unit in every header, and is the same again; a
 /// file is not replaced unasked, and forms that are not written are refused

@@ -13,8 +13,8 @@ use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
 use crate::problem::keys::{
     Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
-use crate::problem::read::{CheckedTable, Reader};
-use crate::problem::{Diagnostic, Place, Report, Severity, Sources, tree};
+use crate::problem::read::{CheckedTable, Reader, read_text};
+use crate::problem::{Diagnostic, Report};
 use crate::units::Kind;
 use std::path::Path;
 
@@ -609,28 +609,7 @@ pub fn builtin() -> Result<Specification, Report> {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn parse(name: &str, text: &str) -> Result<Specification, Report> {
-    let mut sources = Sources::default();
-    let source = sources.add(name, text.into());
-    let mut findings = Vec::new();
-    let node = tree::parse(&sources, source, &mut findings);
-    let broken: Vec<usize> = findings.iter().map(|f: &Diagnostic| f.line).collect();
-    let lenient = !broken.is_empty();
-    let entries = match node.value {
-        tree::Value::Table(entries) => entries,
-        _ => Vec::new(),
-    };
-    let place = Place { source, span: 0..0 };
-    let mut found = Vec::new();
-    let mut reader = Reader { sources: &sources, findings: &mut found, defaults: source, lenient };
-    let root = reader.table(&ROOT, &entries, "", &place);
-    let specification = build(&root, &mut reader, lenient);
-    found.retain(|f| !broken.contains(&f.line));
-    findings.append(&mut found);
-    let failed = findings.iter().any(|f| f.severity == Severity::Error);
-    match specification {
-        Some(s) if !failed => Ok(s),
-        _ => Err(Report::new(findings, false)),
-    }
+    read_text(name, text, &ROOT, build)
 }
 
 /// Margins of one class, dB and rad.

@@ -7,7 +7,7 @@ use crate::units::{Kind, QuantityError, parse_quantity};
 
 use super::Spanwise;
 use super::keys::{Bounds, Key, Need, Table, Value};
-use super::report::{Diagnostic, Severity};
+use super::report::{Diagnostic, Report, Severity};
 use super::source::{Place, Sources};
 use super::tree::{self, Entry, Node, Value as Tree};
 
@@ -165,6 +165,43 @@ pub(crate) struct Reader<'a> {
     /// Whether absent keys are let pass, because syntax errors may have
     /// swallowed them.
     pub lenient: bool,
+}
+
+/// Reads a text that stands alone, without `extends`, by a table of keys;
+/// `name` stands for the file in messages. `build` is told whether the text is
+/// broken, so that absent keys are to be let pass.
+///
+/// # Errors
+/// Everything that is wrong with it, at once.
+pub(crate) fn read_text<T>(
+    name: &str,
+    text: &str,
+    keys: &'static Table,
+    build: impl FnOnce(&CheckedTable, &mut Reader, bool) -> Option<T>,
+) -> Result<T, Report> {
+    let mut sources = Sources::default();
+    let source = sources.add(name, text.into());
+    let mut findings = Vec::new();
+    let node = tree::parse(&sources, source, &mut findings);
+    let broken: Vec<usize> = findings.iter().map(|f: &Diagnostic| f.line).collect();
+    let lenient = !broken.is_empty();
+    let entries = match node.value {
+        Tree::Table(entries) => entries,
+        _ => Vec::new(),
+    };
+    let place = Place { source, span: 0..0 };
+    let mut found = Vec::new();
+    let mut reader = Reader { sources: &sources, findings: &mut found, defaults: source, lenient };
+    let root = reader.table(keys, &entries, "", &place);
+    let built = build(&root, &mut reader, lenient);
+    // A line that is no TOML has been reported as that.
+    found.retain(|f| !broken.contains(&f.line));
+    findings.append(&mut found);
+    let failed = findings.iter().any(|f| f.severity == Severity::Error);
+    match built {
+        Some(value) if !failed => Ok(value),
+        _ => Err(Report::new(findings, false)),
+    }
 }
 
 impl Reader<'_> {

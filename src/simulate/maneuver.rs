@@ -8,8 +8,8 @@ use crate::control::law::{Demand, Horizontal};
 use crate::problem::keys::{
     Bounds, Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
-use crate::problem::read::{CheckedTable, Reader};
-use crate::problem::{Diagnostic, Place, Report, STICKS, Severity, Sources, tree};
+use crate::problem::read::{CheckedTable, Reader, read_text};
+use crate::problem::{Diagnostic, Report, STICKS};
 use crate::trim::{FlightCondition, Lateral};
 use crate::units::Kind;
 use std::f64::consts::TAU;
@@ -611,28 +611,7 @@ pub fn builtin(name: &str) -> Option<Result<Maneuver, Report>> {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn parse(name: &str, text: &str) -> Result<Maneuver, Report> {
-    let mut sources = Sources::default();
-    let source = sources.add(name, text.into());
-    let mut findings = Vec::new();
-    let node = tree::parse(&sources, source, &mut findings);
-    let broken: Vec<usize> = findings.iter().map(|f: &Diagnostic| f.line).collect();
-    let lenient = !broken.is_empty();
-    let entries = match node.value {
-        tree::Value::Table(entries) => entries,
-        _ => Vec::new(),
-    };
-    let place = Place { source, span: 0..0 };
-    let mut found = Vec::new();
-    let mut reader = Reader { sources: &sources, findings: &mut found, defaults: source, lenient };
-    let root = reader.table(&ROOT, &entries, "", &place);
-    let maneuver = build(&root, &mut reader);
-    found.retain(|f| !broken.contains(&f.line));
-    findings.append(&mut found);
-    let failed = findings.iter().any(|f| f.severity == Severity::Error);
-    match maneuver {
-        Some(m) if !failed => Ok(m),
-        _ => Err(Report::new(findings, false)),
-    }
+    read_text(name, text, &ROOT, |root, reader, _| build(root, reader))
 }
 
 fn profile(commands: Option<&CheckedTable>, key: &str, reader: &mut Reader) -> Option<Profile> {
