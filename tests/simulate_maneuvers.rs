@@ -61,15 +61,17 @@ fn every_file_is_built_in() {
     assert_eq!(files, known);
 }
 
-/// All are flown to their ends without an actuator at a limit; those in calm
-/// air under the law, with velocities near their references.
+/// All are flown to their ends; those under the law without an actuator at a
+/// limit and with velocities near their references.
 #[test]
 fn every_maneuver_is_flown_to_its_end() {
     for (name, _) in BUILTIN {
         let maneuver = maneuver::builtin(name).unwrap().unwrap();
         let (status, metrics, speeds) = fly(&vehicle(&maneuver), &maneuver);
         assert_eq!(status, Status::Completed, "{name}");
-        assert_eq!(metrics.saturated_s, 0.0, "{name}");
+        if maneuver.mode != Mode::OpenLoop {
+            assert_eq!(metrics.saturated_s, 0.0, "{name}");
+        }
         for channel in ["forward_velocity", "right_velocity"] {
             if let Some(tracking) = metrics.tracked(channel) {
                 let knots = tracking.size.peak / coaxdesign::units::KNOT;

@@ -70,7 +70,7 @@ impl Default for Sweep {
             settling: 40.0,
             held: [1.5f64.to_radians(), 1.5f64.to_radians(), 1.5f64.to_radians(), 0.3],
             acceleration: [0.06, 0.06, 0.04, 0.25],
-            points: 60,
+            points: 120,
         }
     }
 }
