@@ -9,7 +9,7 @@ use coaxdesign::problem::{Governor, Problem};
 use coaxdesign::trim::shooting::Shooting;
 use coaxdesign::trim::{FlightCondition, Guess, Lateral, Options, Status, TrimPoint, sweep, trim};
 use coaxdesign::vehicle::{Layout, Vehicle};
-use common::{KNOT, coarsened, mirror_signs, mirrored, problem, trimmed, vehicle};
+use common::{KNOT, coarsened, mirror_signs, mirror_sticks, mirrored, problem, trimmed, vehicle};
 
 const GRAVITY: f64 = 9.806_65;
 
@@ -181,8 +181,7 @@ fn mirrored_vehicle_trims_to_the_mirror_image() {
             for (value, sign) in b.mean_state.iter_mut().zip(mirror_signs(&original)) {
                 *value *= sign;
             }
-            b.sticks[0] = -b.sticks[0];
-            b.sticks[3] = -b.sticks[3];
+            b.sticks = mirror_sticks(b.sticks);
             // Something there is to mirror.
             assert!(a.mean_state[Layout::BODY.roll].abs() > 1e-5 && a.sticks[3].abs() > 1e-3);
             let what = format!("{name}, {knots} kt, slip {slip}, turn {turn}");
@@ -430,7 +429,8 @@ fn a_poor_guess_finds_the_same_trim() {
     let vehicle = vehicle(&coarsened(problem("coax2d")));
     let condition = level(40.0);
     let good = trimmed(&vehicle, condition, &tight());
-    let mut guess = good.guess();
+    // From nothing known, but with the same step.
+    let mut guess = Guess { steps: Some(good.steps), jacobian: None, ..good.guess() };
     let body = Layout::BODY;
     guess.state[body.velocity] *= 0.85;
     guess.state[body.velocity + 2] += 2.0;
