@@ -125,6 +125,15 @@ impl Channel {
         matches!(self, Channel::Vx | Channel::Vy)
     }
 
+    /// The outer loop that commands an inner axis, where there is one.
+    pub fn outer(self) -> Option<Channel> {
+        match self {
+            Channel::Roll => Some(Channel::Vy),
+            Channel::Pitch => Some(Channel::Vx),
+            _ => None,
+        }
+    }
+
     /// Which of K_D, K_P, K_I exist.
     pub fn gains(self) -> &'static [Gain] {
         match self {
@@ -239,3 +248,11 @@ impl ChannelGains {
 /// Gains of every channel at one speed, by [`Channel::index`]. A channel that
 /// is off has zero gains.
 pub type GainSet = [ChannelGains; 6];
+
+/// A set with the outer loops open.
+pub fn inner_only(gains: &GainSet) -> GainSet {
+    let mut g = *gains;
+    g[Channel::Vx.index()] = ChannelGains::default();
+    g[Channel::Vy.index()] = ChannelGains::default();
+    g
+}

@@ -5,6 +5,7 @@
 //! eigenvalues of the full-order closed loop. Nothing of the conic programs
 //! is used.
 
+pub use super::axis::inner_only;
 use super::axis::{Axis, Channel, ChannelGains, GainSet};
 use super::law::LawTable;
 use super::loops::{Cut, LoopModel};
@@ -193,14 +194,6 @@ const COLUMNS: [[&str; 2]; 12] = [
     ["phase_delay_s", "ADS-33 phase delay of attitude to command, s"],
     ["design_margin_percent", "0: on the bound, 100: comfortable; least of all requirements"],
 ];
-
-/// Gains with the outer loops open.
-pub fn inner_only(gains: &GainSet) -> GainSet {
-    let mut g = *gains;
-    g[Channel::Vx.index()] = ChannelGains::default();
-    g[Channel::Vy.index()] = ChannelGains::default();
-    g
-}
 
 fn one(
     table: &LawTable,
