@@ -134,6 +134,17 @@ impl Channel {
         }
     }
 
+    /// The inner channel whose loop has most to do with this one's: at speed
+    /// pitch and heave move each other's outputs, roll and yaw everywhere.
+    pub fn partner(self) -> Channel {
+        match self {
+            Channel::Roll | Channel::Vy => Channel::Yaw,
+            Channel::Pitch | Channel::Vx => Channel::Heave,
+            Channel::Yaw => Channel::Roll,
+            Channel::Heave => Channel::Pitch,
+        }
+    }
+
     /// Which of K_D, K_P, K_I exist.
     pub fn gains(self) -> &'static [Gain] {
         match self {

@@ -26,6 +26,7 @@ use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -369,6 +370,18 @@ const FALL_STEPS: usize = 3;
 const PEAK_BAND: f64 = 25.0;
 /// Factor on the prices in the last sweeps.
 const LAST_PRICES: f64 = 10.0;
+/// Searches over pairs of channels for every part of a tuning.
+const PAIR_SEARCHES: usize = 2;
+/// Sweeps that follow one that has found something, at least.
+const PAIR_SWEEPS: usize = 3;
+/// Speeds looked at in one of them.
+const PAIR_SPEEDS: usize = 4;
+/// Density of the lattice of the first channel of a pair.
+const PAIR_DENSITY: f64 = 0.5;
+/// Fall of the sum of the merits, relative, that is worth moving for.
+const SCAN_PAIR_GAIN: f64 = 1e-3;
+/// A violation beyond this, in slack units, is worth a search over pairs.
+const MISSED: f64 = 5e-3;
 /// Number of the last sweeps at most.
 const LAST_SWEEPS: usize = 4;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
@@ -662,26 +675,33 @@ impl<'a> ChannelProblem<'a> {
         (0..x.len())
             .into_par_iter()
             .map(|v| {
-                let own = &x[v];
-                let mut best: Option<Vec<f64>> = None;
-                let now = self.merit_at(v, own, own, f64::INFINITY)?;
-                let mut bound = SCAN_GAIN * now;
-                for candidate in self.lattice(own) {
-                    if let Some(merit) = self.merit_at(v, &candidate, own, bound) {
-                        bound = merit;
-                        best = Some(candidate);
-                    }
-                }
-                best.map(|gains| (gains, now - bound))
+                let now = self.merit_at(v, &x[v], &x[v], f64::INFINITY)?;
+                let (gains, merit) = self.best_of_lattice(v, &x[v], SCAN_GAIN * now)?;
+                Some((gains, now - merit))
             })
             .collect()
     }
 
-    /// Gains of the lattice of [`Self::scan`] around `x`.
-    fn lattice(&self, x: &[f64]) -> Vec<Vec<f64>> {
+    /// The best gains of the lattice around `x` at one speed, and their merit;
+    /// `None` if that is not below `bound`.
+    fn best_of_lattice(&self, speed: usize, x: &[f64], bound: f64) -> Option<(Vec<f64>, f64)> {
+        let mut best: Option<(Vec<f64>, f64)> = None;
+        for candidate in self.lattice(x, 1.0) {
+            let bound = best.as_ref().map_or(bound, |b| b.1);
+            if let Some(merit) = self.merit_at(speed, &candidate, x, bound) {
+                best = Some((candidate, merit));
+            }
+        }
+        best
+    }
+
+    /// Lattice of gains around `x`. `density` is relative to that of
+    /// [`Self::scan`].
+    fn lattice(&self, x: &[f64], density: f64) -> Vec<Vec<f64>> {
         let [p, i] = self.ratio_places();
         let [low, high] = self.spec.integral_ratio;
         let span = |low: f64, high: f64, n: usize| {
+            let n = (density * n as f64).round().max(2.0) as usize;
             (0..n).map(move |k| low * (high / low).powf(k as f64 / (n - 1) as f64))
         };
         let mut out = Vec::new();
@@ -1511,13 +1531,12 @@ impl Run<'_> {
                 self.search(channel, &group, gains, self.options, false, stats)?;
             }
         }
-        let stages = self
-            .options
-            .growth
-            .iter()
-            .map(|&g| (g, 6))
-            .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
-        for (growth, iterations) in stages {
+        // Sizes of the kite, and programs at most.
+        let full = (1.0, self.options.iterations);
+        let mut stages: VecDeque<(f64, usize)> = self.options.growth.iter().map(|&g| (g, 6)).collect();
+        stages.extend(std::iter::repeat_n(full, self.options.sweeps));
+        let mut pair_searches = if self.search { PAIR_SEARCHES } else { 0 };
+        while let Some((growth, iterations)) = stages.pop_front() {
             let trust = match sweeps {
                 0 => self.options.trust,
                 k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
@@ -1597,6 +1616,15 @@ impl Run<'_> {
             }
             sweeps += 1;
             last_change = change(&before, gains);
+            let last = last_change < SWEEP_TOLERANCE || stages.is_empty();
+            if last && pair_searches > 0 {
+                pair_searches -= 1;
+                if self.search_pairs(&group, &merits, gains, &options, stats) {
+                    moved = [true; Channel::ALL.len()];
+                    stages.resize(stages.len().max(PAIR_SWEEPS), full);
+                    continue;
+                }
+            }
             if last_change < SWEEP_TOLERANCE {
                 break;
             }
@@ -1739,20 +1767,10 @@ impl Run<'_> {
             .par_iter()
             .filter(|c| c.0 != channel && c.1.applies(self.speeds[place]))
             .map(|&(other, spec)| {
-                let problem = |gains: &[GainSet]| {
-                    ChannelProblem::at_places(
-                        other,
-                        spec,
-                        self.classes,
-                        self.models,
-                        self.speeds,
-                        gains,
-                        1.0,
-                        options,
-                        vec![place],
-                    )
-                };
-                let (before, mut after) = (problem(gains), problem(&after));
+                let (before, mut after) = (
+                    self.problem_at(other, spec, gains, place, options),
+                    self.problem_at(other, spec, &after, place, options),
+                );
                 after.reference_activity.clone_from(&before.reference_activity);
                 let x = gains[place][other.index()].values(other);
                 let judge = |p: &ChannelProblem| p.merit_at(0, &x, &x, f64::INFINITY);
@@ -1763,6 +1781,127 @@ impl Run<'_> {
             })
             .collect::<Vec<_>>();
         others.iter().sum()
+    }
+
+    /// The problem of a channel at one speed.
+    fn problem_at<'a>(
+        &self,
+        channel: Channel,
+        spec: &'a ChannelSpec,
+        gains: &[GainSet],
+        place: usize,
+        options: &'a TuningOptions,
+    ) -> ChannelProblem<'a> {
+        ChannelProblem::at_places(
+            channel,
+            spec,
+            self.classes,
+            self.models,
+            self.speeds,
+            gains,
+            1.0,
+            options,
+            vec![place],
+        )
+    }
+
+    /// Where a requirement is missed: looks for other gains of the channel
+    /// that misses it and of its partner at once, since each may have settled
+    /// around the other. Returns whether something has changed.
+    fn search_pairs(
+        &self,
+        group: &[(Channel, &ChannelSpec)],
+        merits: &[(Channel, Merit)],
+        gains: &mut [GainSet],
+        options: &TuningOptions,
+        stats: &mut TuningStats,
+    ) -> bool {
+        let clock = Instant::now();
+        let spec_of = |c: Channel| group.iter().find(|g| g.0 == c).map(|g| g.1);
+        // The speeds with the worst misses, and who misses.
+        let mut missed: Vec<(usize, Channel, f64)> = Vec::new();
+        for place in 0..self.speeds.len() {
+            let at = |channel: Channel, merit: &Merit| {
+                let spec = spec_of(channel)?;
+                let own = (0..place).filter(|&v| spec.applies(self.speeds[v])).count();
+                let worst = merit.violation.get(own)?.iter().copied().fold(0.0, f64::max);
+                (spec.applies(self.speeds[place]) && !channel.is_outer())
+                    .then_some((place, channel, worst))
+            };
+            let worst = merits
+                .iter()
+                .filter_map(|(c, m)| at(*c, m))
+                .max_by(|a, b| a.2.total_cmp(&b.2))
+                .filter(|w| w.2 > MISSED);
+            missed.extend(worst);
+        }
+        missed.sort_by(|a, b| b.2.total_cmp(&a.2));
+        missed.truncate(PAIR_SPEEDS);
+        let mut changed = false;
+        for (place, second, worst) in missed {
+            let first = second.partner();
+            let (Some(first_spec), Some(second_spec)) = (spec_of(first), spec_of(second)) else {
+                continue;
+            };
+            let reference: Vec<f64> = group
+                .iter()
+                .map(|&(c, spec)| {
+                    let applies = spec.applies(self.speeds[place]);
+                    if applies {
+                        self.problem_at(c, spec, gains, place, options).reference_activity[0]
+                    } else {
+                        1.0
+                    }
+                })
+                .collect();
+            // All channels' merits at this speed with some gains there.
+            let total = |at: &GainSet| -> Option<f64> {
+                let mut all = gains.to_vec();
+                all[place] = *at;
+                let mut sum = 0.0;
+                for (&(c, spec), reference) in group.iter().zip(&reference) {
+                    if spec.applies(self.speeds[place]) {
+                        let mut problem = self.problem_at(c, spec, &all, place, options);
+                        problem.reference_activity[0] = *reference;
+                        let x = at[c.index()].values(c);
+                        sum += problem.merit_at(0, &x, &x, f64::INFINITY)?;
+                    }
+                }
+                Some(sum)
+            };
+            let Some(now) = total(&gains[place]) else { continue };
+            let x = gains[place][first.index()].values(first);
+            let problem = self.problem_at(first, first_spec, gains, place, options);
+            let tried: Vec<Option<(GainSet, f64)>> = problem
+                .lattice(&x, PAIR_DENSITY)
+                .par_iter()
+                .map(|candidate| {
+                    // The same number of unstable poles.
+                    problem.merit_at(0, candidate, &x, f64::INFINITY)?;
+                    let mut all = gains.to_vec();
+                    all[place][first.index()] = ChannelGains::from_values(first, candidate);
+                    let other = self.problem_at(second, second_spec, &all, place, options);
+                    let own = gains[place][second.index()].values(second);
+                    let (own, _) = other.best_of_lattice(0, &own, now)?;
+                    all[place][second.index()] = ChannelGains::from_values(second, &own);
+                    Some((all[place], total(&all[place])?))
+                })
+                .collect();
+            let best = tried.into_iter().flatten().reduce(|a, b| if b.1 < a.1 { b } else { a });
+            tracing::debug!(
+                "{second} misses by {worst:.4} at {:.1} m/s: merit {now:.4}, with {first} {:.4}",
+                self.speeds[place],
+                best.as_ref().map_or(f64::NAN, |b| b.1)
+            );
+            if let Some((moved, merit)) = best
+                && merit < now * (1.0 - SCAN_PAIR_GAIN)
+            {
+                gains[place] = moved;
+                changed = true;
+            }
+        }
+        stats.assembly_time += clock.elapsed().as_secs_f64();
+        changed
     }
 }
 
