@@ -427,10 +427,12 @@ fn trends(problem: &Problem) -> Result<String, CliError> {
         inside.map(|(on, off)| 100.0 * (on.sticks[2] / off.sticks[2] - 1.0))
     };
     let pedal = |point: &TrimPoint| point.sticks[3];
+    let fast = sweeps[0].iter().zip(&sweeps[1]).filter(|(on, _)| knots(on) > 61.0);
+    let travel = fast.map(|(on, off)| on.sticks[2] - off.sticks[2]).fold(0.0, f64::max);
     let trends = [
         Claim::at_most("bank with interactions, largest", largest, "deg", 1.0),
         Claim::at_most("speed of that", at, "kt", 30.0),
-        Claim::at_most("bank without interactions", most(&sweeps[1], &bank, 0.0), "deg", 1e-6),
+        Claim::at_most("bank without interactions", most(&sweeps[1], &bank, 0.0), "deg", 1e-3),
         Claim::at_least(
             "collective on over off, below 50 kt",
             rise(0.0..49.0).fold(f64::INFINITY, f64::min),
@@ -443,6 +445,7 @@ fn trends(problem: &Problem) -> Result<String, CliError> {
             "% more",
             3.0,
         ),
+        Claim::at_most("the same in stick travel", travel, "%", 3.0),
         Claim::at_least("pedal in hover", pedal(&sweeps[0][0]).abs(), "%", 1.0),
         Claim::at_most("pedal from 50 kt", most(&sweeps[0], &pedal, 50.0), "%", 0.5),
     ];
