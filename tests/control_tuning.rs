@@ -43,7 +43,7 @@ fn nominal_requirements_are_met_at_nodes_and_between() {
     // The outer loops take a little more on the test bed than on the aircraft.
     let spec = with(|s| {
         for c in s.channels.iter_mut().filter(|c| !c.channel.is_outer()) {
-            c.phase_reserve = 1.5f64.to_radians();
+            c.spec.phase_reserve = 1.5f64.to_radians();
         }
     });
     let (nodes, all) = sets(&[0.0, 10.0, 20.0]);

@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
-use crate::control::axis::Channel;
+use crate::control::axis::{Axis, Channel};
 use crate::control::design::{Design, DesignError, design};
 use crate::control::explain::{Explanation, Target, explain};
 use crate::control::law::LawTable;
 use crate::control::models::{Built, LeftOut, ModelsError, build};
 use crate::control::plant::{ModelClass, ModelSet, Plant};
 use crate::control::spec::{self, Specification};
-use crate::control::tuning::{Price, TuningError, TuningStats};
+use crate::control::tuning::{DRIFT_GROWTH, Price, TuningError, TuningStats};
 use crate::control::verify::{
-    Authority, BladeControl, Verification, VerifyError, authority, verify,
+    Authority, BladeControl, Verdict, Verification, VerifyError, authority, verify,
 };
 use crate::problem::Problem;
 use crate::report::figures::{
@@ -193,6 +193,27 @@ fn subset(set: &ModelSet, speeds: &[f64]) -> ModelSet {
     }
 }
 
+/// Breakpoints that trim, and the outermost speeds that do where these lie
+/// beyond: an end breakpoint that is left out would leave the law constant
+/// over speeds at which it is verified.
+fn with_ends(breakpoints: &[f64], trimmed: &[f64]) -> Vec<f64> {
+    let mut speeds: Vec<f64> = breakpoints
+        .iter()
+        .copied()
+        .filter(|b| trimmed.iter().any(|v| (v - b).abs() < 1e-6))
+        .collect();
+    let inside = |v: &&f64| {
+        breakpoints.first().is_some_and(|b| **v > *b)
+            && breakpoints.last().is_some_and(|b| **v < *b)
+    };
+    let ends = [trimmed.iter().find(inside), trimmed.iter().rfind(inside)];
+    let (low, high) = (speeds.first().copied(), speeds.last().copied());
+    if let (Some(low), Some(high)) = (low, high) {
+        speeds.extend(ends.into_iter().flatten().filter(|v| **v < low || **v > high));
+    }
+    speeds
+}
+
 /// Models of a problem at all speeds and at the breakpoints, and the design.
 pub(super) struct Tuned {
     pub(super) built: Built,
@@ -209,7 +230,7 @@ pub(super) fn tune(
 ) -> Result<Tuned, CliError> {
     let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
     let built = plants(problem, spec, &speeds, quiet)?;
-    let nodes = subset(&built.set, &spec.speeds);
+    let nodes = subset(&built.set, &with_ends(&spec.speeds, &built.set.speeds()));
     if nodes.plants.is_empty() {
         return Err(usage(
             "no model trims at any speed of the schedule".into(),
@@ -579,6 +600,7 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
     let mut text = rows_table(v, system, false).to_text(coloring);
     let count = |f: &dyn Fn(&&crate::control::verify::Row) -> bool| v.rows.iter().filter(f).count();
     let nominal = |r: &&crate::control::verify::Row| r.class == ModelClass::Nominal;
+    let verdict = |verdict: Verdict| v.stability.iter().filter(move |s| s.verdict == verdict);
     text += &format!(
         "\n{} of {} nominal rows met, {} of {} off-nominal rows met, {} of {} closed loops \
          stable.\n",
@@ -586,10 +608,10 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
         count(&nominal),
         count(&|r| !nominal(r) && r.passed),
         count(&|r| !nominal(r)),
-        v.stability.iter().filter(|s| s.passed).count(),
+        verdict(Verdict::Stable).count(),
         v.stability.len()
     );
-    for s in v.stability.iter().filter(|s| !s.passed) {
+    for s in v.stability.iter().filter(|s| s.verdict == Verdict::Unsure) {
         text += &format!(
             "  not shown stable: model {} at {}, outer loops {}: largest real part {:.2e} 1/s, \
              change on refining the delay {:.1e} 1/s\n",
@@ -600,38 +622,101 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
             s.pade_change_per_s
         );
     }
+    if v.stability.iter().any(|s| !s.growing_modes.is_empty()) {
+        text.push('\n');
+        text += &growing_table(v, system).to_text(coloring);
+        let drifts = verdict(Verdict::Drifts).count();
+        if drifts > 0 {
+            text += &format!(
+                "  {drifts} closed loops pass as drifts: slower than {DRIFT_GROWTH} 1/s, with the \
+                 outer loops open, and held where these are closed.\n"
+            );
+        }
+    }
     text
+}
+
+/// Modes that grow, every one of every loop.
+fn growing_table(v: &Verification, system: System) -> Table {
+    let mut table = Table::new(
+        "Growing modes of the closed loops",
+        vec![
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(0)),
+            Column::text("model"),
+            Column::text("outer loops"),
+            Column::text("state"),
+            Column::number("growth", "1/s", Digits::Decimals(5)),
+            Column::number("frequency", "rad/s", Digits::Decimals(3)),
+            Column::number("doubles in", "s", Digits::Decimals(0)),
+            Column::text("verdict"),
+        ],
+    );
+    for s in &v.stability {
+        let (word, highlight) = match s.verdict {
+            Verdict::Stable => ("stable", Highlight::Good),
+            Verdict::Drifts => ("drift, held by the outer loops", Highlight::Good),
+            Verdict::Unstable => ("UNSTABLE", Highlight::Bad),
+            Verdict::Unsure => ("UNSURE", Highlight::Bad),
+        };
+        for m in &s.growing_modes {
+            table.row([
+                Cell::from(speed(s.speed_m_s, system)),
+                s.model.as_str().into(),
+                if s.outer_loops { "closed" } else { "open" }.into(),
+                m.state.as_str().into(),
+                m.growth_per_s.into(),
+                m.frequency_rad_s.into(),
+                m.time_to_double_s.into(),
+                Cell::from(word).highlight(highlight),
+            ]);
+        }
+    }
+    table
 }
 
 /// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
-    for axis in ["roll", "pitch", "yaw", "heave"] {
-        let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis).collect();
-        let Some(worst) = of.iter().max_by(|a, b| a.used_percent.total_cmp(&b.used_percent)) else {
+    for axis in Axis::ALL {
+        let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis.name()).collect();
+        let Some(worst) = of
+            .iter()
+            .min_by(|a, b| (a.largest_step / a.step).total_cmp(&(b.largest_step / b.step)))
+        else {
             continue;
         };
-        let beyond: Vec<String> = of
-            .iter()
-            .filter(|c| c.used_percent > 100.0)
-            .map(|c| format!("{:.0}", speed(c.speed_m_s, system)))
-            .collect();
-        let room = if beyond.is_empty() {
-            "within limits".to_string()
-        } else {
-            let unit = Kind::Airspeed.symbol(system);
-            format!("BEYOND LIMITS at {} {unit}", beyond.join(", "))
+        let list = |beyond: &dyn Fn(&&&Authority) -> bool| -> String {
+            let speeds: Vec<String> = of
+                .iter()
+                .filter(beyond)
+                .map(|c| format!("{:.0}", speed(c.speed_m_s, system)))
+                .collect();
+            if speeds.is_empty() {
+                return "within".into();
+            }
+            format!("BEYOND at {} {}", speeds.join(", "), Kind::Airspeed.symbol(system))
         };
+        let kind = match axis {
+            Axis::Roll | Axis::Pitch => Kind::Angle,
+            Axis::Yaw => Kind::AngularRate,
+            Axis::Heave => Kind::ClimbRate,
+        };
+        let size = |v: f64| {
+            let digits = if axis == Axis::Heave { 0 } else { 1 };
+            format!("{:.digits$} {}", kind.from_si(v, system), kind.symbol(system))
+        };
+        let most = of.iter().map(|c| c.used_percent).fold(0.0, f64::max);
         let fastest = of.iter().map(|c| c.rate_deg_s).fold(0.0, f64::max);
-        // A check that fails with room to spare fails by its rate.
-        let fast = of.iter().any(|c| !c.passed && c.used_percent <= 100.0);
-        let rate = if fast { "BEYOND" } else { "within" };
         text += &format!(
-            "  {axis:5} {room}, most at {}: {} uses {:.0} % of its room; blade pitch rate up to \
-             {fastest:.0} deg/s, {rate} its limit\n",
+            "  {:5} room: {}, at most {most:.0} % used; blade pitch rate: {}, at most \
+             {fastest:.0} deg/s\n        hardest at {}: of {} it can do {} ({})\n",
+            axis.name(),
+            list(&|c| c.used_percent > 100.0),
+            list(&|c| c.rate_deg_s > c.rate_limit_deg_s),
             speed_text(worst.speed_m_s, system),
+            size(worst.step),
+            size(worst.largest_step),
             worst.control,
-            worst.used_percent,
         );
     }
     text
@@ -762,7 +847,11 @@ pub(super) fn figures(
         requirements: names,
         speeds: speeds.iter().map(|v| format!("{:.0}", speed(*v, system))).collect(),
         speed_unit: unit.into(),
-        label: "least design margin of all models, %".into(),
+        label: if spec.models.len() == 1 {
+            format!("design margin of model {}, %", spec.models[0].info.name)
+        } else {
+            "least design margin of all models, %".into()
+        },
         required: 0.0,
         decimals: 0,
     };

@@ -125,6 +125,26 @@ impl Channel {
         matches!(self, Channel::Vx | Channel::Vy)
     }
 
+    /// The outer loop that commands an inner axis, where there is one.
+    pub fn outer(self) -> Option<Channel> {
+        match self {
+            Channel::Roll => Some(Channel::Vy),
+            Channel::Pitch => Some(Channel::Vx),
+            _ => None,
+        }
+    }
+
+    /// The inner channel whose loop has most to do with this one's: at speed
+    /// pitch and heave move each other's outputs, roll and yaw everywhere.
+    pub fn partner(self) -> Channel {
+        match self {
+            Channel::Roll | Channel::Vy => Channel::Yaw,
+            Channel::Pitch | Channel::Vx => Channel::Heave,
+            Channel::Yaw => Channel::Roll,
+            Channel::Heave => Channel::Pitch,
+        }
+    }
+
     /// Which of K_D, K_P, K_I exist.
     pub fn gains(self) -> &'static [Gain] {
         match self {
@@ -239,3 +259,11 @@ impl ChannelGains {
 /// Gains of every channel at one speed, by [`Channel::index`]. A channel that
 /// is off has zero gains.
 pub type GainSet = [ChannelGains; 6];
+
+/// A set with the outer loops open.
+pub fn inner_only(gains: &GainSet) -> GainSet {
+    let mut g = *gains;
+    g[Channel::Vx.index()] = ChannelGains::default();
+    g[Channel::Vy.index()] = ChannelGains::default();
+    g
+}

@@ -332,13 +332,10 @@ impl LoopModel {
         std::array::from_fn(|r| p.command_feed[i][r] + inv[(r, i)] * error)
     }
 
-    /// I + Λ at a point with the gains of `without` set to zero.
-    fn matrix(&self, p: &Point, omega: f64, gains: &GainSet, without: Option<Channel>) -> Matrix4c {
+    /// I + Λ at a point.
+    fn matrix(&self, p: &Point, omega: f64, gains: &GainSet) -> Matrix4c {
         let mut m = p.base;
         for channel in Channel::ALL {
-            if Some(channel) == without {
-                continue;
-            }
             let k = gains[channel.index()].array();
             if k == [0.0; 3] {
                 continue;
@@ -364,9 +361,24 @@ impl LoopModel {
         channel: Channel,
         cuts: &[Cut],
     ) -> (Affine, Vec<Affine>, Affine) {
-        let m = self.matrix(p, omega, gains, Some(channel));
+        let mut others = *gains;
+        others[channel.index()] = ChannelGains::default();
+        let m = self.matrix(p, omega, &others);
         let column = self.column(p, omega, gains, channel);
-        let rows = &p.rows[channel.index()];
+        let mut rows = p.rows[channel.index()];
+        if let Some(outer) = channel.outer() {
+            // What an outer loop commands enters this channel's errors by the
+            // same column as the output does.
+            let k = gains[outer.index()].array();
+            let around = &p.rows[outer.index()];
+            let s = C::new(0.0, omega);
+            for (row, order) in rows.iter_mut().zip([s, ONE, s.inv()]) {
+                let by = order * p.command_reference[channel.axis().index()];
+                for (j, value) in row.iter_mut().enumerate() {
+                    *value += by * (0..3).fold(ZERO, |sum, h| sum + k[h] * around[h][j]);
+                }
+            }
+        }
         let e = channel.axis().effector().index();
         let lemma = |determinant: C, adjugate: &Row4, skip: Option<usize>| {
             let mut f = [determinant, ZERO, ZERO, ZERO];
@@ -452,7 +464,7 @@ impl LoopModel {
     pub fn attitude_response_at(&self, gains: &GainSet, axis: Axis, omega: f64) -> C {
         let i = axis.index();
         let p = self.point(omega);
-        let m = self.matrix(&p, omega, gains, None);
+        let m = self.matrix(&p, omega, gains);
         let channel = if axis == Axis::Roll { Channel::Vy } else { Channel::Vx };
         let column = self.column(&p, omega, gains, channel);
         let (d, adjugate) = determinant_and_adjugate(&m, &column);
@@ -466,7 +478,7 @@ impl LoopModel {
         self.points
             .iter()
             .zip(self.omega.iter())
-            .map(|(p, &w)| determinant_and_adjugate(&self.matrix(p, w, gains, None), &[ZERO; 4]).0)
+            .map(|(p, &w)| determinant_and_adjugate(&self.matrix(p, w, gains), &[ZERO; 4]).0)
             .collect()
     }
 }

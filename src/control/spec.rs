@@ -83,17 +83,12 @@ pub struct ChannelRequirement {
     pub channel: Channel,
     /// What is verified.
     pub spec: ChannelSpec,
-    /// Phase margin that the tuning of the inner loop adds for what the outer
-    /// loops take, rad.
-    pub phase_reserve: f64,
 }
 
 impl ChannelRequirement {
     /// What the tuning asks for.
     pub fn tuned(&self) -> ChannelSpec {
         let mut spec = self.spec;
-        spec.nominal.phase += self.phase_reserve;
-        spec.off_nominal.phase += self.phase_reserve;
         for (t, back_off) in [
             (&mut spec.nominal, CROSSOVER_BACK_OFF),
             (&mut spec.off_nominal, OFF_NOMINAL_CROSSOVER_BACK_OFF),
@@ -532,7 +527,7 @@ static SOLVER: Table = Table {
             "\"60 rad/s\"",
             "Highest frequency of the tuning grid.",
         ),
-        default("sweeps", Value::Count(1, 50), "4", "Largest number of sweeps over the axes."),
+        default("sweeps", Value::Count(1, 50), "6", "Largest number of sweeps over the axes."),
         default("iterations", Value::Count(1, 500), "25", "Largest number of programs a sweep."),
         default(
             "phase_back_off",
@@ -741,6 +736,11 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
                 } else {
                     everywhere
                 },
+                phase_reserve: if channel.is_outer() {
+                    0.0
+                } else {
+                    t.number("phase_reserve").unwrap_or(0.0)
+                },
             };
             if let (Some(low), Some(high)) =
                 (spec.nominal.crossover_min, spec.nominal.crossover_max)
@@ -753,15 +753,7 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
                     "lower it, or raise crossover_max".into(),
                 );
             }
-            channels.push(ChannelRequirement {
-                channel,
-                spec,
-                phase_reserve: if channel.is_outer() {
-                    0.0
-                } else {
-                    t.number("phase_reserve").unwrap_or(0.0)
-                },
-            });
+            channels.push(ChannelRequirement { channel, spec });
         }
         if let Some(t) = root.table("axis")
             && channels.iter().all(|c| c.channel.is_outer())

@@ -7,7 +7,7 @@
 
 use super::axis::{Axis, Channel, GainSet};
 use super::loops::LawSettings;
-use super::plant::{Hardware, Inversion, Plant};
+use super::plant::{Hardware, Inversion, Plant, rigid};
 use crate::linear::LinearError;
 use crate::linear::dense;
 use crate::units::STANDARD_GRAVITY as GRAVITY;
@@ -271,6 +271,30 @@ pub fn closed_loop_eigenvalues(
 /// Largest real part, 1/s.
 pub fn growth(eigenvalues: &[C]) -> f64 {
     eigenvalues.iter().map(|e| e.re).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The measured state with the largest share in a mode of a closed loop, by its
+/// place among [`RIGID_STATES`](super::plant::RIGID_STATES); a velocity of
+/// 9.8 m/s counts like 1 rad or 1 rad/s. `None` where the eigenvector cannot be
+/// found.
+pub fn leading_state(a: &DMatrix<f64>, measured: &[usize; 8], eigenvalue: C) -> Option<usize> {
+    let n = a.nrows();
+    // One step of inverse iteration beside the eigenvalue.
+    let beside = eigenvalue + C::new(1e-9 * (1.0 + eigenvalue.norm()), 0.0);
+    let shifted = DMatrix::from_fn(n, n, |i, j| {
+        let own = if i == j { beside } else { C::new(0.0, 0.0) };
+        C::new(a[(i, j)], 0.0) - own
+    });
+    let start = nalgebra::DVector::from_fn(n, |k, _| C::new(1.0 + k as f64 / n as f64, 0.0));
+    let factors = shifted.lu();
+    let first = factors.solve(&start)?;
+    let first = first.unscale(first.norm());
+    let vector = factors.solve(&first)?;
+    let share = |k: usize| {
+        let unit = if k < rigid::P { GRAVITY } else { 1.0 };
+        vector[measured[k]].norm() / unit
+    };
+    (0..8).filter(|&k| share(k).is_finite()).max_by(|&i, &j| share(i).total_cmp(&share(j)))
 }
 
 /// Least damping ratio of the oscillating modes below a frequency, rad/s.

@@ -12,8 +12,8 @@
 //! the program always has a solution and an unattainable specification ends
 //! in the least-violating design.
 
-use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
-use super::kite::{Kite, Separation};
+use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet, inner_only};
+use super::kite::{Kite, Separation, magnitude};
 use super::loops::{
     Affine, ChannelLoops, Cut, Dependence, FrequencyModel, LawSettings, LoopModel, affine_value,
     real_row, without_hold,
@@ -26,6 +26,7 @@ use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -61,6 +62,16 @@ pub struct ChannelSpec {
     pub priority: f64,
     /// Lowest and highest speed at which the channel is closed, m/s.
     pub speeds: [f64; 2],
+    /// Phase margin that the tuning adds in an inner axis while the outer
+    /// loops are open, for what they take, rad.
+    pub phase_reserve: f64,
+}
+
+impl Targets {
+    /// The margins alone.
+    fn margins_only(&self) -> Self {
+        Self { drb: None, drp: None, crossover_min: None, crossover_max: None, ..*self }
+    }
 }
 
 impl ChannelSpec {
@@ -147,7 +158,7 @@ impl Default for TuningOptions {
         Self {
             grid: default_grid(0.002, 60.0, 300),
             smoothing: 0.02,
-            sweeps: 4,
+            sweeps: 6,
             growth: vec![0.4, 0.7],
             iterations: 25,
             trust: 0.35,
@@ -241,14 +252,18 @@ impl TuningStats {
 }
 
 /// Whether det(I + Λ) turns as often about zero at both gain sets, for every
-/// speed and model.
+/// speed and model, with the outer loops open and closed.
 fn same_winding(models: &[Vec<LoopModel>], a: &[GainSet], b: &[GainSet]) -> bool {
+    let same = |m: &LoopModel, a: &GainSet, b: &GainSet| {
+        let (da, db) = (m.determinant(a), m.determinant(b));
+        let ratio: Vec<C> = da.iter().zip(&db).map(|(a, b)| b / a).collect();
+        let turned: f64 = ratio.windows(2).map(|r| (r[1] / r[0]).arg()).sum();
+        turned.abs() < WINDING_TOLERANCE
+    };
     models.iter().zip(a.iter().zip(b)).all(|(models, (a, b))| {
+        let (inner_a, inner_b) = (inner_only(a), inner_only(b));
         models.par_iter().all(|m| {
-            let (da, db) = (m.determinant(a), m.determinant(b));
-            let ratio: Vec<C> = da.iter().zip(&db).map(|(a, b)| b / a).collect();
-            let turned: f64 = ratio.windows(2).map(|r| (r[1] / r[0]).arg()).sum();
-            turned.abs() < WINDING_TOLERANCE
+            same(m, a, b) && ((inner_a, inner_b) == (*a, *b) || same(m, &inner_a, &inner_b))
         })
     })
 }
@@ -277,8 +292,11 @@ pub struct Between {
 #[derive(Clone)]
 struct Site {
     speed: usize,
-    /// For a site between breakpoints: the upper one, and its weight.
+    /// Share of that speed's gains here.
+    weight: f64,
+    /// For a site between breakpoints: the upper one, and its share.
     next: Option<(usize, f64)>,
+    /// Whether its activity is counted: the inverted model at a breakpoint.
     nominal: bool,
     targets: Targets,
     loops: ChannelLoops,
@@ -342,24 +360,43 @@ const WINDING_TOLERANCE: f64 = 1.5;
 const MARGIN_REACH: f64 = 20.0;
 /// Distance from the kite beyond which a segment gets no margin rows.
 const MARGIN_DISTANCE: f64 = 0.5;
+/// Least |L| of a hump that counts for the least crossover.
+const HUMP: f64 = 1.1;
+/// |L| falls at a grid point if it is larger by this factor so many points below.
+const FALL: f64 = 1.02;
+/// Those points.
+const FALL_STEPS: usize = 3;
 /// Highest frequency at which the rejection peak is required, rad/s.
 const PEAK_BAND: f64 = 25.0;
-/// A violation beyond this, in slack units, makes other starts worth trying.
-const RESCUE_VIOLATION: f64 = 2e-3;
 /// Factor on the prices in the last sweeps.
 const LAST_PRICES: f64 = 10.0;
-/// A violation beyond this, in slack units, makes them worth while.
-const MISSED: f64 = 2e-4;
+/// Searches over pairs of channels for every part of a tuning.
+const PAIR_SEARCHES: usize = 2;
+/// Sweeps that follow one that has found something, at least.
+const PAIR_SWEEPS: usize = 3;
+/// Speeds looked at in one of them.
+const PAIR_SPEEDS: usize = 4;
+/// Density of the lattice of the first channel of a pair.
+const PAIR_DENSITY: f64 = 0.5;
+/// Fall of the sum of the merits, relative, that is worth moving for.
+const SCAN_PAIR_GAIN: f64 = 1e-3;
+/// A violation beyond this, in slack units, is worth a search over pairs.
+const MISSED: f64 = 5e-3;
+/// Number of the last sweeps at most.
+const LAST_SWEEPS: usize = 4;
 /// Longest chord of a Nyquist curve near its kite; the sag of an arc of
 /// radius 0.5 over it is 0.0009, a twentieth of a degree.
 const LONGEST_CHORD: f64 = 0.06;
-/// Sweeps after which they are tried: the other channels have moved by then.
-const RESCUE_SWEEPS: usize = 2;
-/// Programs per such start at most.
-const RESCUE_ITERATIONS: usize = 10;
+/// Sweeps after which other answers are searched for.
+const SEARCH_SWEEPS: usize = 3;
+/// Relative fall of the joint merit that is worth moving for.
+const SEARCH_TOLERANCE: f64 = 1e-4;
 /// Trust region of the program whose duals are the prices, in scaled gains:
 /// small against a step that matters, wide against the answer's accuracy.
 const PRICE_REGION: f64 = 0.05;
+/// Merit, relative to that of the present gains, that makes gains of the
+/// lattice worth starting from.
+const SCAN_GAIN: f64 = 0.995;
 /// Price of a unit of K_I/K_P ratio violation.
 const RATIO_PRICE: f64 = 300.0;
 
@@ -377,27 +414,42 @@ impl<'a> ChannelProblem<'a> {
         growth: f64,
         options: &'a TuningOptions,
     ) -> Self {
-        let places: Vec<usize> = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
-        let pairs: Vec<(usize, usize)> =
-            (0..places.len()).flat_map(|v| (0..classes.len()).map(move |m| (v, m))).collect();
+        let places = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
+        Self::at_places(channel, spec, classes, models, speeds, gains, growth, options, places)
+    }
+
+    /// The same over some of the speeds.
+    #[allow(clippy::too_many_arguments)]
+    fn at_places(
+        channel: Channel,
+        spec: &'a ChannelSpec,
+        classes: &[ModelClass],
+        models: &LoopSet,
+        speeds: &[f64],
+        gains: &[GainSet],
+        growth: f64,
+        options: &'a TuningOptions,
+        places: Vec<usize>,
+    ) -> Self {
         // The effector cut comes first: activity is counted there. An outer
         // loop also has margins of its own.
         let cuts: &[Cut] =
             if channel.is_outer() { &[Cut::Effector, Cut::Channel] } else { &[Cut::Effector] };
-        let site = |loops: ChannelLoops, class: ModelClass, speed: usize, next, nominal: bool| {
-            let targets = *spec.targets(class);
+        let site = |model: &LoopModel, gains: &GainSet, cuts: &[Cut], targets: Targets| {
+            let loops = model.channel(gains, channel, cuts);
             let back = metrics::from_decibels(options.gain_back_off);
             let kite = Kite::new(
                 targets.gain_up.powf(growth) * back,
                 targets.gain_down.powf(growth) * back,
-                targets.phase * growth + options.phase_back_off,
+                (targets.phase + spec.phase_reserve) * growth + options.phase_back_off,
             );
             let rejection_points =
                 targets.drb.map_or(Vec::new(), |drb| rejection_points(&loops.omega, drb));
             Site {
-                speed,
-                next,
-                nominal,
+                speed: 0,
+                weight: 1.0,
+                next: None,
+                nominal: false,
                 targets,
                 kites: vec![kite; cuts.len()],
                 rejection_points,
@@ -405,27 +457,61 @@ impl<'a> ChannelProblem<'a> {
                 loops,
             }
         };
-        let mut sites: Vec<Site> = pairs
-            .par_iter()
-            .map(|&(v, m)| {
-                let loops = models.nodes[places[v]][m].channel(&gains[places[v]], channel, cuts);
-                site(loops, classes[m], v, None, m == 0)
+        // Rejection and crossover of an inner axis are those with the outer
+        // loops open; its margins must hold with them closed, too.
+        let variants = |gains: &GainSet| -> Vec<(GainSet, bool)> {
+            let inner = inner_only(gains);
+            match channel.is_outer() {
+                true => vec![(*gains, false)],
+                false if inner == *gains => vec![(inner, false)],
+                false => vec![(inner, false), (*gains, true)],
+            }
+        };
+        let nodes: Vec<(usize, usize, GainSet, bool)> = (0..places.len())
+            .flat_map(|v| (0..classes.len()).map(move |m| (v, m)))
+            .flat_map(|(v, m)| {
+                variants(&gains[places[v]]).into_iter().map(move |(g, closed)| (v, m, g, closed))
             })
             .collect();
-        let between: Vec<Site> = models
+        let mut sites: Vec<Site> = nodes
+            .par_iter()
+            .map(|(v, m, gains, closed)| {
+                let targets = *spec.targets(classes[*m]);
+                let targets = if *closed { targets.margins_only() } else { targets };
+                let site = site(&models.nodes[places[*v]][*m], gains, cuts, targets);
+                Site { speed: *v, nominal: *m == 0 && !closed, ..site }
+            })
+            .collect();
+        let between: Vec<Vec<Site>> = models
             .between
             .par_iter()
-            .filter_map(|b| {
-                let lower = places.iter().position(|&p| p == b.lower)?;
-                let upper = places.iter().position(|&p| p == b.lower + 1)?;
+            .map(|b| {
+                let lower = places.iter().position(|&p| p == b.lower);
+                let upper = places.iter().position(|&p| p == b.lower + 1);
+                let (speed, weight, next) = match (lower, upper) {
+                    (Some(l), Some(u)) => (l, 1.0 - b.weight, Some((u, b.weight))),
+                    // An outer loop that fades out here.
+                    (Some(l), None) => (l, 1.0 - b.weight, None),
+                    (None, Some(u)) => (u, b.weight, None),
+                    (None, None) => return Vec::new(),
+                };
                 let blended: GainSet = std::array::from_fn(|c| {
                     gains[b.lower][c].blend(&gains[b.lower + 1][c], b.weight)
                 });
-                let loops = b.model.channel(&blended, channel, cuts);
-                Some(site(loops, ModelClass::Nominal, lower, Some((upper, b.weight)), false))
+                let fading = next.is_none();
+                let cuts = if fading { &cuts[..1] } else { cuts };
+                variants(&blended)
+                    .into_iter()
+                    .map(|(gains, closed)| {
+                        let targets = spec.nominal;
+                        let margins = closed || fading;
+                        let targets = if margins { targets.margins_only() } else { targets };
+                        Site { speed, weight, next, ..site(&b.model, &gains, cuts, targets) }
+                    })
+                    .collect()
             })
             .collect();
-        sites.extend(between);
+        sites.extend(between.into_iter().flatten());
         let mut problem = Self {
             channel,
             spec,
@@ -496,11 +582,8 @@ impl<'a> ChannelProblem<'a> {
                 total += self.price(*kind) * v / n;
             }
         }
-        let [p, i] = self.ratio_places();
         for x in x {
-            let [low, high] = self.spec.integral_ratio;
-            let excess = (low * x[p] - x[i]).max(0.0) + (x[i] - high * x[p]).max(0.0);
-            total += RATIO_PRICE * excess / n;
+            total += RATIO_PRICE * self.ratio_excess(x) / n;
         }
         total.is_finite().then_some(Merit { total, activity, violation })
     }
@@ -537,6 +620,111 @@ impl<'a> ChannelProblem<'a> {
     /// Gap between neighbouring speeds in units of about 10 kt.
     fn speed_gap(&self, k: usize) -> f64 {
         ((self.speeds[k + 1] - self.speeds[k]) / 5.0).max(1e-3)
+    }
+
+    /// Merit of gains at one speed by itself: without smoothness and without
+    /// the sites between breakpoints. `None` as soon as it cannot be below
+    /// `bound`, and where the winding differs from that at `reference`.
+    fn merit_at(&self, speed: usize, x: &[f64], reference: &[f64], bound: f64) -> Option<f64> {
+        let own = || self.sites.iter().filter(move |s| s.speed == speed && s.at_breakpoint());
+        let mut activity = 0.0;
+        for site in own().filter(|s| s.nominal) {
+            activity += site.activity_squared(x) / self.reference_activity[speed];
+        }
+        activity += RATIO_PRICE * self.ratio_excess(x);
+        if activity.is_nan() || activity >= bound {
+            return None;
+        }
+        let mut worst = [0.0f64; KINDS];
+        let total = |worst: &[f64; KINDS]| {
+            Requirement::ALL
+                .iter()
+                .zip(worst)
+                .fold(activity, |sum, (kind, v)| sum + self.price(*kind) * v)
+        };
+        // The few points of the rejection bandwidth tell most slow gains.
+        for site in own() {
+            worst[1] = worst[1].max(site.rejection_violation(x, self.options));
+            if total(&worst) >= bound {
+                return None;
+            }
+        }
+        for site in own() {
+            let found = site.violations(x, Some(reference), self.options)?;
+            for (worst, v) in worst.iter_mut().zip(found) {
+                *worst = worst.max(v);
+            }
+            if total(&worst) >= bound {
+                return None;
+            }
+        }
+        Some(total(&worst))
+    }
+
+    /// By how much K_I lies outside its bounds.
+    fn ratio_excess(&self, x: &[f64]) -> f64 {
+        let [p, i] = self.ratio_places();
+        let [low, high] = self.spec.integral_ratio;
+        (low * x[p] - x[i]).max(0.0) + (x[i] - high * x[p]).max(0.0)
+    }
+
+    /// Looks at each speed by itself for gains that are better than those of
+    /// `x` by the exact merit, on a lattice that spans all that is reasonable.
+    /// Gains and the fall of the merit there; `None` where there are none.
+    fn scan(&self, x: &[Vec<f64>]) -> Vec<Option<(Vec<f64>, f64)>> {
+        (0..x.len())
+            .into_par_iter()
+            .map(|v| {
+                let now = self.merit_at(v, &x[v], &x[v], f64::INFINITY)?;
+                let (gains, merit) = self.best_of_lattice(v, &x[v], SCAN_GAIN * now)?;
+                Some((gains, now - merit))
+            })
+            .collect()
+    }
+
+    /// The best gains of the lattice around `x` at one speed, and their merit;
+    /// `None` if that is not below `bound`.
+    fn best_of_lattice(&self, speed: usize, x: &[f64], bound: f64) -> Option<(Vec<f64>, f64)> {
+        let mut best: Option<(Vec<f64>, f64)> = None;
+        for candidate in self.lattice(x, 1.0) {
+            let bound = best.as_ref().map_or(bound, |b| b.1);
+            if let Some(merit) = self.merit_at(speed, &candidate, x, bound) {
+                best = Some((candidate, merit));
+            }
+        }
+        best
+    }
+
+    /// Lattice of gains around `x`. `density` is relative to that of
+    /// [`Self::scan`].
+    fn lattice(&self, x: &[f64], density: f64) -> Vec<Vec<f64>> {
+        let [p, i] = self.ratio_places();
+        let [low, high] = self.spec.integral_ratio;
+        let span = |low: f64, high: f64, n: usize| {
+            let n = (density * n as f64).round().max(2.0) as usize;
+            (0..n).map(move |k| low * (high / low).powf(k as f64 / (n - 1) as f64))
+        };
+        let mut out = Vec::new();
+        if x.len() == 3 {
+            for d in span(0.45 * x[0], 2.2 * x[0], 9) {
+                for ratio in span(0.25, 4.0, 9) {
+                    for share in span(low.max(0.02), high.min(4.0), 7) {
+                        let k_p = ratio * x[p] / x[0].max(1e-9) * d;
+                        out.push(vec![d, k_p, share * k_p]);
+                    }
+                }
+            }
+        } else {
+            for k_p in span(0.4 * x[p], 2.5 * x[p], 21) {
+                for share in span(low.max(0.02), high.min(12.0), 21) {
+                    let mut g = vec![0.0; 2];
+                    g[p] = k_p;
+                    g[i] = share * k_p;
+                    out.push(g);
+                }
+            }
+        }
+        out
     }
 
     /// Runs the sequence from `gains` and writes the result back.
@@ -694,7 +882,7 @@ impl<'a> ChannelProblem<'a> {
                 for (cone, used) in step.cones.iter().zip(&mut cones) {
                     let [bound, re, im] = &cone.rows;
                     let excess = || {
-                        re.value(&solution.x).hypot(im.value(&solution.x))
+                        magnitude(C::new(re.value(&solution.x), im.value(&solution.x)))
                             - bound.value(&solution.x)
                     };
                     if !*used && (all || excess() > ROW_TOLERANCE) {
@@ -859,11 +1047,11 @@ struct SiteRows {
 }
 
 /// Grid points at which |S| is held under −3 dB: fourteen from the
-/// specification down to a tenth of it.
+/// specification down to a tenth of it, or to where rejection is first judged.
 fn rejection_points(omega: &[f64], drb: f64) -> Vec<usize> {
+    let lowest = metrics::LOWEST_REJECTION_FREQUENCY.min(drb);
     let mut points: Vec<usize> = (0..14)
-        .map(|k| drb * 10f64.powf(-(k as f64) / 13.0))
-        .filter(|&w| w >= metrics::LOWEST_REJECTION_FREQUENCY)
+        .map(|k| (drb * 10f64.powf(-f64::from(k) / 13.0)).max(lowest))
         .map(|w| nearest(omega, w))
         .collect();
     points.sort_unstable();
@@ -885,12 +1073,18 @@ fn nearest(omega: &[f64], w: f64) -> usize {
 impl Site {
     /// The channel's gains here: those of the breakpoint, or the blend of two.
     fn gains(&self, x: &[Vec<f64>]) -> Vec<f64> {
-        match self.next {
-            None => x[self.speed].clone(),
-            Some((other, t)) => {
-                x[self.speed].iter().zip(&x[other]).map(|(a, b)| (1.0 - t) * a + t * b).collect()
+        let mut out: Vec<f64> = x[self.speed].iter().map(|x| self.weight * x).collect();
+        if let Some((other, t)) = self.next {
+            for (out, x) in out.iter_mut().zip(&x[other]) {
+                *out += t * x;
             }
         }
+        out
+    }
+
+    /// Whether it belongs to a breakpoint.
+    fn at_breakpoint(&self) -> bool {
+        self.weight == 1.0 && self.next.is_none()
     }
 
     /// How these gains depend on the scaled steps of all speeds.
@@ -903,10 +1097,8 @@ impl Site {
                 slope: weight * s,
             })
         };
-        match self.next {
-            None => part(self.speed, 1.0).collect(),
-            Some((other, t)) => part(self.speed, 1.0 - t).chain(part(other, t)).collect(),
-        }
+        let other = self.next.into_iter().flat_map(|(other, t)| part(other, t));
+        part(self.speed, self.weight).chain(other).collect()
     }
 
     fn activity_squared(&self, x: &[f64]) -> f64 {
@@ -919,6 +1111,17 @@ impl Site {
                 self.weights[k] * u.norm_sqr()
             })
             .sum()
+    }
+
+    /// Worst excess of |S| over its level at the rejection points.
+    fn rejection_violation(&self, x: &[f64], options: &TuningOptions) -> f64 {
+        let free = without_hold(self.loops.channel, x);
+        let level = self.rejection_level(options);
+        let s = |k: usize| {
+            let f = &self.loops.full[k];
+            magnitude(affine_value(f, &free) / affine_value(f, x))
+        };
+        self.rejection_points.iter().map(|&k| s(k) - level).fold(0.0, f64::max)
     }
 
     /// The cut whose crossover is specified.
@@ -939,6 +1142,20 @@ impl Site {
     fn above(&self, crossover: f64) -> impl Iterator<Item = usize> + '_ {
         let w = &self.loops.omega;
         (0..w.len()).filter(move |&k| w[k] >= crossover * 0.9999 && w[k] < 3.0 * crossover)
+    }
+
+    /// Grid point, and the least |L| there, that keeps the last crossing beyond
+    /// `crossover`: that frequency itself if |L| falls there, or where the loop
+    /// rises once more up to three times as far, if it rises well above 1. A
+    /// hump that just touches 1 would meet the definition, and lose the
+    /// crossing at once.
+    fn crossing_above(&self, crossover: f64, size: impl Fn(usize) -> f64) -> (usize, f64) {
+        let place = nearest(&self.loops.omega, crossover);
+        let falls = size(place.saturating_sub(FALL_STEPS)) > FALL * size(place);
+        let first = (place, if falls { 1.0 } else { HUMP });
+        self.above(crossover).filter(|&k| k > first.0).fold(first, |best, k| {
+            if size(k) / HUMP > size(best.0) / best.1 { (k, HUMP) } else { best }
+        })
     }
 
     /// Exact violations on the grid.
@@ -982,19 +1199,17 @@ impl Site {
             out[0] = out[0].max(worst);
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
-                    // More than the last crossing asks for: a hump beyond w
-                    // would do for that, but not for neighbouring models.
-                    out[3] = 1.0 - curve[nearest(&l.omega, w)].norm();
+                    let (place, least) = self.crossing_above(w, |k| magnitude(curve[k]));
+                    out[3] = 1.0 - magnitude(curve[place]) / least;
                 }
                 if let Some(w) = self.targets.crossover_max {
-                    out[4] = self.above(w).map(|k| curve[k].norm() - 1.0).fold(0.0, f64::max);
+                    out[4] = self.above(w).map(|k| magnitude(curve[k]) - 1.0).fold(0.0, f64::max);
                 }
             }
         }
         let free = without_hold(l.channel, x);
-        let s = |k: usize| (affine_value(&l.full[k], &free) / full[k]).norm();
-        let level = self.rejection_level(options);
-        out[1] = self.rejection_points.iter().map(|&k| s(k) - level).fold(0.0, f64::max);
+        let s = |k: usize| magnitude(affine_value(&l.full[k], &free) / full[k]);
+        out[1] = self.rejection_violation(x, options);
         if let Some(level) = self.peak_level(options) {
             out[2] = (0..n)
                 .filter(|&k| l.omega[k] < PEAK_BAND)
@@ -1055,7 +1270,7 @@ impl Site {
                 .collect();
             for k in 0..n - 1 {
                 let (a, b) = (points[k].2, points[k + 1].2);
-                if !(a.norm() < MARGIN_REACH || b.norm() < MARGIN_REACH) {
+                if !(magnitude(a) < MARGIN_REACH || magnitude(b) < MARGIN_REACH) {
                     continue;
                 }
                 let separation = if kite.is_far(a, b, MARGIN_DISTANCE) {
@@ -1096,20 +1311,20 @@ impl Site {
             }
             if cut == self.main_cut() {
                 if let Some(w) = self.targets.crossover_min {
-                    // Re l₀*(L D̄) ≥ Re D̄ at the frequency, in units of D̄₀.
-                    let place = nearest(&l.omega, w);
+                    // Re l₀*(L D̄) ≥ least Re D̄ at the frequency, in units of D̄₀.
+                    let (place, least) = self.crossing_above(w, |k| magnitude(points[k].2));
                     let (d, b, curve) = &points[place];
                     let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
-                    let unit = curve / curve.norm();
+                    let unit = curve / magnitude(*curve);
                     let mut row = real_row(unit, &f, dependence);
                     let base = real_row(C::new(1.0, 0.0), b, dependence);
-                    row.constant -= base.constant;
+                    row.constant -= least * base.constant;
                     for (t, s) in row.terms.iter_mut().zip(&base.terms) {
-                        t.1 -= s.1;
+                        t.1 -= least * s.1;
                     }
                     // |L| falls as the bound moves up; where it rises, a higher
                     // bound costs nothing.
-                    let fall = log_slope(&l.omega, place, |k| points[k].2.norm()).min(0.0);
+                    let fall = log_slope(&l.omega, place, |k| magnitude(points[k].2)).min(0.0);
                     let tightening = vec![(Target::CrossoverMin, fall)];
                     push(&mut out, Some(Requirement::CrossoverMin), row, tightening);
                 }
@@ -1212,10 +1427,10 @@ fn push_cone(
     trust: f64,
     tightening: Vec<(Target, f64)>,
 ) {
-    let room = bound.constant - f[0].norm();
+    let room = bound.constant - magnitude(f[0]);
     let spread = trust
         * (bound.terms.iter().map(|t| t.1.abs()).sum::<f64>()
-            + dependence.iter().map(|d| f[1 + d.gain].norm() * d.slope).sum::<f64>());
+            + dependence.iter().map(|d| magnitude(f[1 + d.gain]) * d.slope).sum::<f64>());
     if room >= spread {
         return;
     }
@@ -1287,8 +1502,8 @@ struct Run<'a> {
     models: &'a LoopSet,
     speeds: &'a [f64],
     options: &'a TuningOptions,
-    /// Whether other starts are tried where a requirement is missed.
-    rescue: bool,
+    /// Whether other answers are searched for.
+    search: bool,
 }
 
 struct Sweeps {
@@ -1309,13 +1524,20 @@ impl Run<'_> {
         let mut merits: Vec<(Channel, Merit)> = Vec::new();
         let mut last_change = f64::INFINITY;
         let mut sweeps = 0;
-        let stages = self
-            .options
-            .growth
-            .iter()
-            .map(|&g| (g, 6))
-            .chain((0..self.options.sweeps).map(|_| (1.0, self.options.iterations)));
-        for (growth, iterations) in stages {
+        let mut moved = [false; Channel::ALL.len()];
+        let growing = !self.options.growth.is_empty();
+        if self.search && growing {
+            for &(channel, _) in &group {
+                self.search(channel, &group, gains, self.options, false, stats)?;
+            }
+        }
+        // Sizes of the kite, and programs at most.
+        let full = (1.0, self.options.iterations);
+        let mut stages: VecDeque<(f64, usize)> =
+            self.options.growth.iter().map(|&g| (g, 6)).collect();
+        stages.extend(std::iter::repeat_n(full, self.options.sweeps));
+        let mut pair_searches = if self.search { PAIR_SEARCHES } else { 0 };
+        while let Some((growth, iterations)) = stages.pop_front() {
             let trust = match sweeps {
                 0 => self.options.trust,
                 k => self.options.trust.min(LATER_TRUST[(k - 1).min(1)]),
@@ -1325,6 +1547,8 @@ impl Run<'_> {
             merits.clear();
             let solve = |channel: Channel, spec: &ChannelSpec, gains: &mut [GainSet]| {
                 let clock = Instant::now();
+                let trust = if moved[channel.index()] { self.options.trust } else { trust };
+                let options = TuningOptions { trust, ..options.clone() };
                 let mut problem = ChannelProblem::new(
                     channel,
                     spec,
@@ -1369,20 +1593,39 @@ impl Run<'_> {
                     }
                 }
             }
+            tracing::debug!(
+                "kite {growth}, sweep {sweeps}: change {:.3}, {} programs, solver {:.2} s, assembly {:.2} s: {:?}",
+                change(&before, gains),
+                stats.programs,
+                stats.solver_time,
+                stats.assembly_time,
+                merits.iter().map(|m| (m.0.name(), m.1.activity, m.1.worst())).collect::<Vec<_>>()
+            );
             if growth < 1.0 {
                 continue;
             }
-            for (place, &(channel, spec)) in group.iter().enumerate() {
-                if self.rescue
-                    && sweeps < RESCUE_SWEEPS
-                    && merits[place].1.worst() > RESCUE_VIOLATION
-                    && let Some(merit) = self.rescue(channel, spec, gains, &options, stats)?
-                {
-                    merits[place].1 = merit;
+            let settled = change(&before, gains) < SWEEP_TOLERANCE;
+            moved = [false; Channel::ALL.len()];
+            if self.search && (settled || (growing && sweeps < SEARCH_SWEEPS)) {
+                for (place, &(channel, _)) in group.iter().enumerate() {
+                    let found = self.search(channel, &group, gains, &options, true, stats)?;
+                    if let Some(merit) = found {
+                        merits[place].1 = merit;
+                        moved[channel.index()] = true;
+                    }
                 }
             }
             sweeps += 1;
             last_change = change(&before, gains);
+            let last = last_change < SWEEP_TOLERANCE || stages.is_empty();
+            if last && pair_searches > 0 {
+                pair_searches -= 1;
+                if self.search_pairs(&group, &merits, gains, &options, stats) {
+                    moved = [true; Channel::ALL.len()];
+                    stages.resize(stages.len().max(PAIR_SWEEPS), full);
+                    continue;
+                }
+            }
             if last_change < SWEEP_TOLERANCE {
                 break;
             }
@@ -1438,23 +1681,25 @@ impl Run<'_> {
         out.into()
     }
 
-    /// Tries other starts for a channel that misses a requirement at some
-    /// speeds: the gains of the nearest speeds that miss none, slower and faster
-    /// ones, and other shares of the integral. The sequence is local, and a loop with several crossings
-    /// has several local answers. Writes the best one back, if it is better.
-    fn rescue(
+    /// Looks for other answers of a channel, speed by speed, and moves to them:
+    /// the sequence is local, and a loop with several crossings has several
+    /// local answers. With `settled`, a move is made only where the joint merit
+    /// falls, and where the other channels of the group do not lose more than
+    /// this one wins. Returns the merit if something has changed.
+    #[allow(clippy::too_many_arguments)]
+    fn search(
         &self,
         channel: Channel,
-        spec: &ChannelSpec,
+        group: &[(Channel, &ChannelSpec)],
         gains: &mut [GainSet],
         options: &TuningOptions,
+        settled: bool,
         stats: &mut TuningStats,
     ) -> Result<Option<Merit>, TuningError> {
-        let options = TuningOptions {
-            trust: self.options.trust,
-            iterations: options.iterations.min(RESCUE_ITERATIONS),
-            ..options.clone()
+        let Some(&(_, spec)) = group.iter().find(|c| c.0 == channel) else {
+            return Ok(None);
         };
+        let clock = Instant::now();
         let problem = ChannelProblem::new(
             channel,
             spec,
@@ -1463,68 +1708,201 @@ impl Run<'_> {
             self.speeds,
             gains,
             1.0,
-            &options,
+            options,
         );
         let x = problem.values(gains);
-        let Some(mut best) = problem.merit(&x, None) else {
+        let Some(now) = problem.merit(&x, None) else {
             return Ok(None);
         };
-        let missed: Vec<bool> =
-            best.violation.iter().map(|v| v.iter().any(|&v| v > RESCUE_VIOLATION)).collect();
-        let replaced = |f: &dyn Fn(usize) -> Option<Vec<f64>>| -> Vec<Vec<f64>> {
-            (0..x.len())
-                .map(|v| if missed[v] { f(v) } else { None }.unwrap_or_else(|| x[v].clone()))
-                .collect()
-        };
-        let below = |v: usize| (0..v).rev().find(|&k| !missed[k]).map(|k| x[k].clone());
-        let above = |v: usize| (v + 1..x.len()).find(|&k| !missed[k]).map(|k| x[k].clone());
-        let scaled = |f: f64| move |x: &[f64]| x.iter().map(|x| x * f).collect::<Vec<f64>>();
-        // The same with another share of the integral, within its bounds.
-        let [p, i] = problem.ratio_places();
-        let [low, high] = spec.integral_ratio;
-        let shared = |f: f64| {
-            move |x: &[f64]| {
-                let mut x = x.to_vec();
-                x[i] = (x[i] * f).clamp(low * x[p], (high * x[p]).max(low * x[p]));
-                x
-            }
-        };
-        let candidates = [
-            replaced(&below),
-            replaced(&above),
-            replaced(&|v| Some(scaled(0.6)(&x[v]))),
-            replaced(&|v| Some(scaled(1.6)(&x[v]))),
-            replaced(&|v| Some(shared(0.25)(&x[v]))),
-            replaced(&|v| Some(shared(4.0)(&x[v]))),
-        ];
-        // The same number of unstable poles as now, or not at all.
-        let base: &[GainSet] = gains;
-        let tried: Vec<Option<(Vec<GainSet>, Merit, TuningStats)>> = candidates
-            .into_par_iter()
-            .map(|candidate| {
-                if candidate == x || problem.merit(&candidate, Some(&x)).is_none() {
-                    return Ok(None);
-                }
-                let mut own = problem.clone();
-                let mut trial = base.to_vec();
-                own.write(&candidate, &mut trial);
-                own.run(&mut trial)?;
-                let merit = own.merit(&own.values(&trial), None);
-                Ok(merit.map(|m| (trial, m, own.stats)))
-            })
-            .collect::<Result<_, TuningError>>()?;
-        let mut found = None;
-        for (trial, merit, s) in tried.into_iter().flatten() {
-            stats.add(&s);
-            if merit.total < best.total * (1.0 - 1e-3) {
-                best = merit.clone();
-                found = Some((trial, merit));
+        let found = problem.scan(&x);
+        let mut candidate = x.clone();
+        let mut best: Option<Merit> = None;
+        // One speed after the other, since neighbours want to be alike.
+        for (v, found) in found.iter().enumerate() {
+            let Some((own, won)) = found else { continue };
+            let place = problem.places[v];
+            let old = std::mem::replace(&mut candidate[v], own.clone());
+            let Some(merit) = problem.merit(&candidate, Some(&x)) else {
+                candidate[v] = old;
+                continue;
+            };
+            let least = best.as_ref().map_or(now.total, |b| b.total);
+            let mut moved = gains[place];
+            moved[channel.index()] = ChannelGains::from_values(channel, own);
+            let good = !settled
+                || (merit.total < least * (1.0 - SEARCH_TOLERANCE)
+                    && self.loss_of_others(channel, group, gains, place, &moved, options) < *won);
+            if good {
+                gains[place] = moved;
+                best = Some(merit);
+            } else {
+                candidate[v] = old;
             }
         }
-        Ok(found.map(|(trial, merit)| {
-            gains.copy_from_slice(&trial);
-            merit
-        }))
+        stats.assembly_time += clock.elapsed().as_secs_f64();
+        tracing::debug!(
+            "{channel}: {} of {} speeds have better gains by {:.4}, won {:.4}, {:.3} s",
+            found.iter().flatten().count(),
+            x.len(),
+            found.iter().flatten().map(|f| f.1).sum::<f64>() / x.len() as f64,
+            best.as_ref().map_or(0.0, |b| now.total - b.total),
+            clock.elapsed().as_secs_f64()
+        );
+        Ok(best)
+    }
+
+    /// Rise of the merits of the other channels of a group at one speed if its
+    /// gains become `moved`; infinite if one of them cannot be judged.
+    fn loss_of_others(
+        &self,
+        channel: Channel,
+        group: &[(Channel, &ChannelSpec)],
+        gains: &[GainSet],
+        place: usize,
+        moved: &GainSet,
+        options: &TuningOptions,
+    ) -> f64 {
+        let mut after = gains.to_vec();
+        after[place] = *moved;
+        let others = group
+            .par_iter()
+            .filter(|c| c.0 != channel && c.1.applies(self.speeds[place]))
+            .map(|&(other, spec)| {
+                let (before, mut after) = (
+                    self.problem_at(other, spec, gains, place, options),
+                    self.problem_at(other, spec, &after, place, options),
+                );
+                after.reference_activity.clone_from(&before.reference_activity);
+                let x = gains[place][other.index()].values(other);
+                let judge = |p: &ChannelProblem| p.merit_at(0, &x, &x, f64::INFINITY);
+                match (judge(&before), judge(&after)) {
+                    (Some(a), Some(b)) => b - a,
+                    _ => f64::INFINITY,
+                }
+            })
+            .collect::<Vec<_>>();
+        others.iter().sum()
+    }
+
+    /// The problem of a channel at one speed.
+    fn problem_at<'a>(
+        &self,
+        channel: Channel,
+        spec: &'a ChannelSpec,
+        gains: &[GainSet],
+        place: usize,
+        options: &'a TuningOptions,
+    ) -> ChannelProblem<'a> {
+        ChannelProblem::at_places(
+            channel,
+            spec,
+            self.classes,
+            self.models,
+            self.speeds,
+            gains,
+            1.0,
+            options,
+            vec![place],
+        )
+    }
+
+    /// Where a requirement is missed: looks for other gains of the channel
+    /// that misses it and of its partner at once, since each may have settled
+    /// around the other. Returns whether something has changed.
+    fn search_pairs(
+        &self,
+        group: &[(Channel, &ChannelSpec)],
+        merits: &[(Channel, Merit)],
+        gains: &mut [GainSet],
+        options: &TuningOptions,
+        stats: &mut TuningStats,
+    ) -> bool {
+        let clock = Instant::now();
+        let spec_of = |c: Channel| group.iter().find(|g| g.0 == c).map(|g| g.1);
+        // The speeds with the worst misses, and who misses.
+        let mut missed: Vec<(usize, Channel, f64)> = Vec::new();
+        for place in 0..self.speeds.len() {
+            let at = |channel: Channel, merit: &Merit| {
+                let spec = spec_of(channel)?;
+                let own = (0..place).filter(|&v| spec.applies(self.speeds[v])).count();
+                let worst = merit.violation.get(own)?.iter().copied().fold(0.0, f64::max);
+                (spec.applies(self.speeds[place]) && !channel.is_outer())
+                    .then_some((place, channel, worst))
+            };
+            let worst = merits
+                .iter()
+                .filter_map(|(c, m)| at(*c, m))
+                .max_by(|a, b| a.2.total_cmp(&b.2))
+                .filter(|w| w.2 > MISSED);
+            missed.extend(worst);
+        }
+        missed.sort_by(|a, b| b.2.total_cmp(&a.2));
+        missed.truncate(PAIR_SPEEDS);
+        let mut changed = false;
+        for (place, second, worst) in missed {
+            let first = second.partner();
+            let (Some(first_spec), Some(second_spec)) = (spec_of(first), spec_of(second)) else {
+                continue;
+            };
+            let reference: Vec<f64> = group
+                .iter()
+                .map(|&(c, spec)| {
+                    let applies = spec.applies(self.speeds[place]);
+                    if applies {
+                        self.problem_at(c, spec, gains, place, options).reference_activity[0]
+                    } else {
+                        1.0
+                    }
+                })
+                .collect();
+            // All channels' merits at this speed with some gains there.
+            let total = |at: &GainSet| -> Option<f64> {
+                let mut all = gains.to_vec();
+                all[place] = *at;
+                let mut sum = 0.0;
+                for (&(c, spec), reference) in group.iter().zip(&reference) {
+                    if spec.applies(self.speeds[place]) {
+                        let mut problem = self.problem_at(c, spec, &all, place, options);
+                        problem.reference_activity[0] = *reference;
+                        let x = at[c.index()].values(c);
+                        sum += problem.merit_at(0, &x, &x, f64::INFINITY)?;
+                    }
+                }
+                Some(sum)
+            };
+            let Some(now) = total(&gains[place]) else { continue };
+            let x = gains[place][first.index()].values(first);
+            let problem = self.problem_at(first, first_spec, gains, place, options);
+            let tried: Vec<Option<(GainSet, f64)>> = problem
+                .lattice(&x, PAIR_DENSITY)
+                .par_iter()
+                .map(|candidate| {
+                    // The same number of unstable poles.
+                    problem.merit_at(0, candidate, &x, f64::INFINITY)?;
+                    let mut all = gains.to_vec();
+                    all[place][first.index()] = ChannelGains::from_values(first, candidate);
+                    let other = self.problem_at(second, second_spec, &all, place, options);
+                    let own = gains[place][second.index()].values(second);
+                    let (own, _) = other.best_of_lattice(0, &own, now)?;
+                    all[place][second.index()] = ChannelGains::from_values(second, &own);
+                    Some((all[place], total(&all[place])?))
+                })
+                .collect();
+            let best = tried.into_iter().flatten().reduce(|a, b| if b.1 < a.1 { b } else { a });
+            tracing::debug!(
+                "{second} misses by {worst:.4} at {:.1} m/s: merit {now:.4}, with {first} {:.4}",
+                self.speeds[place],
+                best.as_ref().map_or(f64::NAN, |b| b.1)
+            );
+            if let Some((moved, merit)) = best
+                && merit < now * (1.0 - SCAN_PAIR_GAIN)
+            {
+                gains[place] = moved;
+                changed = true;
+            }
+        }
+        stats.assembly_time += clock.elapsed().as_secs_f64();
+        changed
     }
 }
 
@@ -1571,6 +1949,7 @@ impl TuningProblem<'_> {
     /// Grid with the specified frequencies added.
     fn grid(&self) -> Arc<[f64]> {
         let mut grid = self.options.grid.clone();
+        grid.push(metrics::LOWEST_REJECTION_FREQUENCY);
         for (_, spec) in &self.channels {
             for t in [&spec.nominal, &spec.off_nominal] {
                 grid.extend([t.drb, t.crossover_min, t.crossover_max].into_iter().flatten());
@@ -1659,9 +2038,7 @@ impl TuningProblem<'_> {
                         g[channel.index()] =
                             start_gains(*channel, delay / scale, spec.integral_ratio);
                     }
-                    let mut inner = g;
-                    inner[Channel::Vx.index()] = ChannelGains::default();
-                    inner[Channel::Vy.index()] = ChannelGains::default();
+                    let inner = inner_only(&g);
                     let worst = self
                         .growths(plants, inversion, &inner)
                         .into_iter()
@@ -1795,72 +2172,80 @@ impl TuningProblem<'_> {
                 g[c.index()] = ChannelGains::default();
             }
         }
+        let without_reserve = |group: &[(Channel, ChannelSpec)]| -> Vec<(Channel, ChannelSpec)> {
+            group.iter().map(|c| (c.0, ChannelSpec { phase_reserve: 0.0, ..c.1 })).collect()
+        };
+        let all = without_reserve(&closed);
         let (outer, inner): (Vec<_>, Vec<_>) = closed.into_iter().partition(|c| c.0.is_outer());
-        let (mut merits, mut prices) = (Vec::new(), Vec::new());
-        let (mut sweeps, mut last_change) = (0, 0.0f64);
-        for (group, is_outer) in [(inner, false), (outer, true)] {
-            if group.is_empty() {
-                continue;
-            }
+        let alone = outer.is_empty() || inner.is_empty();
+        let parts = if alone { vec![&all] } else { vec![&inner, &outer] };
+        let mut sweeps = 0;
+        for group in parts {
             let run = Run {
                 classes: &classes,
                 models: &models,
                 speeds: &speeds,
                 options: &self.options,
-                rescue: true,
+                search: true,
             };
-            if is_outer {
+            if group.iter().any(|c| c.0.is_outer()) {
                 for (g, s) in gains.iter_mut().zip(&outer_start) {
-                    for (c, _) in &group {
+                    for (c, _) in group.iter().filter(|c| c.0.is_outer()) {
                         g[c.index()] = s[c.index()];
                     }
                 }
-                self.slow_down_outer(&run, &inversions, &group, &mut gains);
+                self.slow_down_outer(&run, &inversions, group, &mut gains);
             }
-            let mut done = run.sweeps(&group, &mut gains, &mut stats)?;
-            // Where a curve passes close to its kite in long strides, the
-            // grid is refined, and the answer touched up at higher prices.
-            let refined = run.refined_grid(&grid, &group, &gains);
-            let missed = done.merits.iter().any(|m| m.1.worst() > MISSED);
-            if refined.len() > grid.len() || missed {
-                let clock = Instant::now();
-                grid = refined;
-                models = self.loop_models(&inversions, &grid)?;
-                stats.assembly_time += clock.elapsed().as_secs_f64();
-                let options = TuningOptions {
-                    growth: Vec::new(),
-                    sweeps: 2,
-                    trust: LATER_TRUST[0],
-                    price_scale: LAST_PRICES * self.options.price_scale,
-                    ..self.options.clone()
-                };
-                let run = Run {
-                    classes: &classes,
-                    models: &models,
-                    speeds: &speeds,
-                    options: &options,
-                    rescue: false,
-                };
-                let again = run.sweeps(&group, &mut gains, &mut stats)?;
-                done = Sweeps { sweeps: done.sweeps + again.sweeps, ..again };
-            }
-            for (channel, spec) in &group {
-                let mut problem = ChannelProblem::new(
-                    *channel,
-                    spec,
-                    &classes,
-                    &models,
-                    &speeds,
-                    &gains,
-                    1.0,
-                    &self.options,
-                );
-                prices.extend(problem.prices(&gains)?);
-                stats.add(&problem.stats);
-            }
-            merits.extend(done.merits);
-            sweeps = sweeps.max(done.sweeps);
-            last_change = last_change.max(done.last_change);
+            sweeps += run.sweeps(group, &mut gains, &mut stats)?.sweeps;
+        }
+        // At the end all together, the margins of the inner axes with the outer
+        // loops open and closed, at higher prices. Where a curve passes close
+        // to its kite in long strides, the grid is refined first.
+        let clock = Instant::now();
+        let refined = Run {
+            classes: &classes,
+            models: &models,
+            speeds: &speeds,
+            options: &self.options,
+            search: false,
+        }
+        .refined_grid(&grid, &all, &gains);
+        if refined.len() > grid.len() {
+            grid = refined;
+            models = self.loop_models(&inversions, &grid)?;
+        }
+        stats.assembly_time += clock.elapsed().as_secs_f64();
+        let options = TuningOptions {
+            growth: Vec::new(),
+            sweeps: self.options.sweeps.min(LAST_SWEEPS),
+            trust: LATER_TRUST[0],
+            price_scale: LAST_PRICES * self.options.price_scale,
+            ..self.options.clone()
+        };
+        let run = Run {
+            classes: &classes,
+            models: &models,
+            speeds: &speeds,
+            options: &options,
+            search: true,
+        };
+        let Sweeps { merits, sweeps: last, last_change } =
+            run.sweeps(&all, &mut gains, &mut stats)?;
+        sweeps += last;
+        let mut prices = Vec::new();
+        for (channel, spec) in &all {
+            let mut problem = ChannelProblem::new(
+                *channel,
+                spec,
+                &classes,
+                &models,
+                &speeds,
+                &gains,
+                1.0,
+                &self.options,
+            );
+            prices.extend(problem.prices(&gains)?);
+            stats.add(&problem.stats);
         }
         Ok(Tuning { speeds, gains, inversions, merits, prices, sweeps, last_change, stats })
     }

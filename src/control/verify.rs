@@ -5,15 +5,17 @@
 //! eigenvalues of the full-order closed loop. Nothing of the conic programs
 //! is used.
 
+pub use super::axis::inner_only;
 use super::axis::{Axis, Channel, ChannelGains, GainSet};
-use super::law::LawTable;
+use super::law::{LawTable, YAW_LEAD};
 use super::loops::{Cut, LoopModel};
 use super::metrics::{self, Margins, Sampled, decibels};
-use super::plant::{Hardware, ModelClass, ModelSet, PlantError};
+use super::plant::{Hardware, ModelClass, ModelSet, PlantError, RIGID_STATES};
 use super::spec::{ChannelRequirement, Comfort, Specification};
 use super::stability::{self, PADE_ORDER};
 use super::tuning::{DRIFT_GROWTH, START_GROWTH, Targets, default_grid};
-use crate::linear::LinearError;
+use crate::linear::{LinearError, dense};
+use crate::units::STANDARD_GRAVITY as GRAVITY;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -134,8 +136,45 @@ pub struct Stability {
     /// Change of the largest real part when the delay's Padé approximation is
     /// refined, 1/s.
     pub pade_change_per_s: f64,
-    /// Whether it is stable, and the approximation of the delay does not matter.
+    /// What the eigenvalues say.
+    #[serde(default)]
+    pub verdict: Verdict,
+    /// Every growing mode, the fastest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub growing_modes: Vec<GrowingMode>,
+    /// Whether it passes: stable, or a drift that the outer loops hold, and the
+    /// approximation of the delay does not matter.
     pub passed: bool,
+}
+
+/// What closed-loop eigenvalues say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// No mode grows.
+    #[default]
+    Stable,
+    /// With the outer loops open, velocities drift apart slower than
+    /// [`DRIFT_GROWTH`]; closing the outer loops holds them.
+    Drifts,
+    /// A mode grows.
+    Unstable,
+    /// The eigenvalues still move when the delay's approximation is refined.
+    Unsure,
+}
+
+/// A mode that grows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GrowingMode {
+    /// The measured state with the largest share in it, a velocity of 9.8 m/s
+    /// counted like an angle of 1 rad.
+    pub state: String,
+    /// Real part, 1/s.
+    pub growth_per_s: f64,
+    /// Imaginary part, rad/s.
+    pub frequency_rad_s: f64,
+    /// Time to double, s.
+    pub time_to_double_s: f64,
 }
 
 /// Verifies a law on a model set (which may hold speeds between breakpoints)
@@ -193,14 +232,6 @@ const COLUMNS: [[&str; 2]; 12] = [
     ["phase_delay_s", "ADS-33 phase delay of attitude to command, s"],
     ["design_margin_percent", "0: on the bound, 100: comfortable; least of all requirements"],
 ];
-
-/// Gains with the outer loops open.
-pub fn inner_only(gains: &GainSet) -> GainSet {
-    let mut g = *gains;
-    g[Channel::Vx.index()] = ChannelGains::default();
-    g[Channel::Vy.index()] = ChannelGains::default();
-    g
-}
 
 fn one(
     table: &LawTable,
@@ -296,8 +327,8 @@ fn one(
         if outer_loops && !outer_closed {
             continue;
         }
-        let eigenvalues = |order: usize| {
-            stability::closed_loop_eigenvalues(
+        let matrix = |order: usize| {
+            stability::closed_loop_matrix(
                 plant,
                 &point.inversion,
                 &table.settings,
@@ -307,12 +338,23 @@ fn one(
                 order,
             )
         };
-        let (first, refined) = (eigenvalues(PADE_ORDER)?, eigenvalues(PADE_ORDER + 2)?);
+        let fine = matrix(PADE_ORDER + 2);
+        let first = dense::eigenvalues(&matrix(PADE_ORDER))?;
+        let refined = dense::eigenvalues(&fine)?;
         let growth = stability::growth(&refined);
-        // With the outer loops open the velocities may drift, if closing them
-        // holds them: that is checked too.
-        let limit = if outer_closed && !outer_loops { DRIFT_GROWTH } else { START_GROWTH };
         let change = (growth - stability::growth(&first)).abs();
+        let verdict = if change >= PADE_TOLERANCE || !growth.is_finite() {
+            Verdict::Unsure
+        } else if growth < START_GROWTH {
+            Verdict::Stable
+        } else if outer_closed && !outer_loops && growth < DRIFT_GROWTH {
+            Verdict::Drifts
+        } else {
+            Verdict::Unstable
+        };
+        let mut growing: Vec<_> =
+            refined.iter().filter(|e| e.re >= START_GROWTH && e.im >= 0.0).copied().collect();
+        growing.sort_by(|a, b| b.re.total_cmp(&a.re));
         checks.push(Stability {
             speed_m_s: plant.speed,
             model: info.name.clone(),
@@ -320,7 +362,19 @@ fn one(
             growth_per_s: growth,
             least_damping: stability::least_damping(&refined, DAMPING_BAND),
             pade_change_per_s: change,
-            passed: growth < limit && change < PADE_TOLERANCE,
+            verdict,
+            growing_modes: growing
+                .into_iter()
+                .map(|e| GrowingMode {
+                    state: stability::leading_state(&fine, &plant.measured, e)
+                        .map_or("undetermined", |k| RIGID_STATES[k])
+                        .into(),
+                    growth_per_s: e.re,
+                    frequency_rad_s: e.im,
+                    time_to_double_s: std::f64::consts::LN_2 / e.re,
+                })
+                .collect(),
+            passed: matches!(verdict, Verdict::Stable | Verdict::Drifts),
         });
     }
     Ok((rows, checks))
@@ -440,6 +494,16 @@ pub struct Authority {
     pub used_percent: f64,
     /// Largest blade pitch rate of any control, deg/s.
     pub rate_deg_s: f64,
+    /// Its limit, deg/s.
+    #[serde(default)]
+    pub rate_limit_deg_s: f64,
+    /// Size of the step: rad, rad/s in yaw, m/s in heave.
+    #[serde(default)]
+    pub step: f64,
+    /// Largest step, in the same unit, that stays within limits and rates. The
+    /// demand is linear in the step.
+    #[serde(default)]
+    pub largest_step: f64,
     /// Whether all controls stay within limits and rates.
     pub passed: bool,
 }
@@ -450,6 +514,10 @@ const AUTHORITY_TIME: [f64; 2] = [5.0, 0.005];
 /// What the step commands of a specification ask of the blades at each
 /// breakpoint: the feed-forward of the law on its own reference model, through
 /// the actuators. Feedback adds to this only what disturbances cost.
+///
+/// A step of yaw rate is a turn: as in the law under a velocity command, bank
+/// goes with it, and yaw is led through the roll command model as speed grows.
+/// The turn is at most that of a bank as large as the roll step.
 pub fn authority(
     table: &LawTable,
     hardware: &Hardware,
@@ -461,6 +529,11 @@ pub fn authority(
     let steps = [spec.steps.roll, spec.steps.pitch, spec.steps.yaw, spec.steps.heave];
     for point in table.points() {
         for axis in Axis::ALL {
+            let mut size = steps[axis.index()];
+            if axis == Axis::Yaw {
+                size =
+                    size.min(GRAVITY * spec.steps.roll.tan() / point.speed.max(f64::MIN_POSITIVE));
+            }
             // Both directions: trim is seldom in the middle.
             let worst = [1.0, -1.0]
                 .map(|sign| {
@@ -469,14 +542,14 @@ pub fn authority(
                         point,
                         hardware,
                         axis,
-                        sign * steps[axis.index()],
+                        sign * size,
                         spec,
                         blades,
                         stick_limits,
                     )
                 })
                 .into_iter()
-                .max_by(|a, b| a.used_percent.total_cmp(&b.used_percent));
+                .min_by(|a, b| a.largest_step.total_cmp(&b.largest_step));
             out.extend(worst);
         }
     }
@@ -499,7 +572,18 @@ fn step_demand(
     let settings = &table.settings;
     let (end, dt) = (AUTHORITY_TIME[0], AUTHORITY_TIME[1]);
     let i = axis.index();
-    let (mut value, mut rate) = (0.0, 0.0);
+    // Commands of bank, pitch, yaw rate and vertical velocity, and references.
+    let mut command = [0.0; 4];
+    command[i] = step;
+    let (mut value, mut rate) = ([0.0; 4], [0.0; 2]);
+    let (mut turn, mut turn_rate) = (0.0, 0.0);
+    let mut together = 0.0;
+    if axis == Axis::Yaw {
+        command[0] = (point.speed * step / GRAVITY).atan();
+        together = (YAW_LEAD * point.speed / table.turn.speed).clamp(0.0, 1.0);
+    }
+    let frequencies = [settings.roll_frequency, settings.pitch_frequency];
+    let constants = [settings.yaw_time_constant, settings.heave_time_constant];
     let mut z = SVector::<f64, 2>::zeros();
     let trim = Vector4::from_column_slice(&inv.trim.sticks);
     let (mut stick, mut stick_rate) = (Vector4::zeros(), Vector4::<f64>::zeros());
@@ -509,19 +593,27 @@ fn step_demand(
     for _ in 0..(end / dt) as usize {
         let mut nu = Vector4::zeros();
         let mut rho = SVector::<f64, 6>::zeros();
-        if i < 2 {
-            let wn = if i == 0 { settings.roll_frequency } else { settings.pitch_frequency };
-            nu[i] = wn * wn * (step - value) - 2.0 * settings.attitude_damping * wn * rate;
-            rho[i] = value;
-            rho[2 + i] = rate;
-            rate += dt * nu[i];
-            value += dt * rate;
-        } else {
-            let tau =
-                if i == 2 { settings.yaw_time_constant } else { settings.heave_time_constant };
-            nu[i] = (step - value) / tau;
-            rho[2 + i] = value;
-            value += dt * nu[i];
+        let second_order = |wn: f64, command: f64, value: f64, rate: f64| {
+            wn * wn * (command - value) - 2.0 * settings.attitude_damping * wn * rate
+        };
+        if axis == Axis::Yaw {
+            let wn = settings.roll_frequency;
+            turn_rate += dt * second_order(wn, step, turn, turn_rate);
+            turn += dt * turn_rate;
+            let led = turn + settings.yaw_time_constant * turn_rate;
+            command[2] = (1.0 - together) * step + together * led;
+        }
+        for k in 0..2 {
+            nu[k] = second_order(frequencies[k], command[k], value[k], rate[k]);
+            rho[k] = value[k];
+            rho[2 + k] = rate[k];
+            rate[k] += dt * nu[k];
+            value[k] += dt * rate[k];
+        }
+        for k in 2..4 {
+            nu[k] = (command[k] - value[k]) / constants[k - 2];
+            rho[2 + k] = value[k];
+            value[k] += dt * nu[k];
         }
         let x = inv.reference.state * z + inv.reference.input * rho;
         let wanted = inv.decoupling * (nu - inv.feedback * x);
@@ -547,12 +639,16 @@ fn step_demand(
             fastest = fastest.max(r.abs());
         }
     }
+    let share = (0.01 * worst.0).max(fastest / spec.pitch_rate_limit).max(f64::MIN_POSITIVE);
     Authority {
         axis: axis.name().into(),
         speed_m_s: point.speed,
         control: worst.1,
         used_percent: worst.0,
         rate_deg_s: fastest.to_degrees(),
+        rate_limit_deg_s: spec.pitch_rate_limit.to_degrees(),
+        step: step.abs(),
+        largest_step: step.abs() / share,
         passed: worst.0 <= 100.0 && fastest <= spec.pitch_rate_limit,
     }
 }

@@ -4,6 +4,8 @@
 //! digits on badly scaled matrices, so that everything here first checks that
 //! the entries are finite and then balances.
 
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{self, ComputeEigenvectors};
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -65,18 +67,39 @@ fn faer_view(m: &DMatrix<f64>) -> faer::MatRef<'_, f64> {
     faer::MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols())
 }
 
+/// The double-shift iteration at every size. The blocked one, which the library
+/// takes from 75 rows on, was seen to deflate without end on the closed loop of
+/// a helicopter; this one has an iteration limit.
+fn eigenvalue_settings() -> faer::Spec<evd::EvdParams, f64> {
+    let mut params: evd::EvdParams = <evd::EvdParams as faer::Auto<f64>>::auto();
+    params.schur.blocking_threshold = usize::MAX;
+    params.into()
+}
+
 /// Eigenvalues of a real matrix, smallest first, conjugates adjacent.
 pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<C64>, LinearError> {
     if a.nrows() == 0 {
         return Ok(Vec::new());
     }
     let (balanced, _) = balance(a)?;
-    let mut values: Vec<C64> = faer_view(&balanced)
-        .eigenvalues()
-        .map_err(|_| no_eigenvalues())?
-        .into_iter()
-        .map(|z| Complex::new(z.re, z.im))
-        .collect();
+    let n = a.nrows();
+    let params = eigenvalue_settings();
+    let (mut re, mut im) = (vec![0.0; n], vec![0.0; n]);
+    let none = ComputeEigenvectors::No;
+    let scratch = evd::evd_scratch::<f64>(n, none, none, faer::Par::Seq, params);
+    evd::evd_real(
+        faer_view(&balanced),
+        faer::diag::DiagMut::from_slice_mut(&mut re),
+        faer::diag::DiagMut::from_slice_mut(&mut im),
+        None,
+        None,
+        faer::Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        params,
+    )
+    .map_err(|_| no_eigenvalues())?;
+    let mut values: Vec<C64> =
+        re.into_iter().zip(im).map(|(re, im)| Complex::new(re, im)).collect();
     values.sort_by(spectral_order);
     Ok(values)
 }

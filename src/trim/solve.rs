@@ -60,13 +60,16 @@ const CARRIED_REDUCTION: f64 = 0.01;
 const EVEN: usize = 4;
 /// Part of the tolerance that the error of a new step is to have.
 const AIM: f64 = 0.5;
+/// The same for a neighbour, whose error may be larger: too few steps cost a
+/// second solve.
+const AIM_OF_NEIGHBOUR: f64 = 0.35;
 /// Most that the number of steps changes at once, either way.
 const LARGEST_CHANGE: f64 = 2.0;
 
 /// Steps a period that would have about the error wanted, from the error that
 /// this many have.
-fn advised_steps(steps: usize, error: f64, tolerance: f64, method: Method) -> usize {
-    let ratio = (error / (AIM * tolerance)).powf(1.0 / f64::from(method.order));
+fn advised_steps(steps: usize, error: f64, wanted: f64, method: Method) -> usize {
+    let ratio = (error / wanted).powf(1.0 / f64::from(method.order));
     // No number counts as much too large.
     let ratio =
         if ratio < LARGEST_CHANGE { ratio.max(1.0 / LARGEST_CHANGE) } else { LARGEST_CHANGE };
@@ -102,7 +105,7 @@ pub enum Status {
     Failed {
         /// Names of the worst equations, worst first.
         equations: Vec<String>,
-        /// Sticks at their limits.
+        /// Sticks at their limits, and blade controls beyond theirs.
         binding: Vec<String>,
         /// What the solver ran into.
         reason: String,
@@ -291,8 +294,9 @@ impl TrimPoint {
     #[must_use]
     pub fn guess(&self) -> Guess {
         let usual = Options::default();
-        let advised = advised_steps(self.steps, self.step_error, usual.step_tolerance, self.method);
-        let steps = advised.clamp(usual.steps.min(self.steps), self.steps);
+        let wanted = AIM_OF_NEIGHBOUR * usual.step_tolerance;
+        let advised = advised_steps(self.steps, self.step_error, wanted, self.method);
+        let steps = advised.clamp(usual.steps.min(self.steps), usual.most_steps.max(self.steps));
         Guess {
             state: self.state.clone(),
             sticks: self.sticks,
@@ -422,7 +426,7 @@ pub fn trim(
             (None, f64::NAN)
         };
         let fine = error <= options.step_tolerance;
-        let advised = advised_steps(steps, error, options.step_tolerance, options.method);
+        let advised = advised_steps(steps, error, AIM * options.step_tolerance, options.method);
         let finer = advised.max((steps + steps / 4).next_multiple_of(EVEN));
         if converged && !fine && finer <= options.most_steps {
             steps = finer;
@@ -670,6 +674,10 @@ fn report(
         .collect();
     let status = match status {
         Status::Converged if !beyond.is_empty() => Status::BeyondLimits { controls: beyond },
+        Status::Failed { equations, mut binding, reason } => {
+            binding.extend(beyond);
+            Status::Failed { equations, binding, reason }
+        }
         other => other,
     };
     let sideslip = if condition.airspeed > super::shooting::HOVER_SPEED {
