@@ -90,7 +90,13 @@ fn everything_agrees(speed: f64) {
         let linear = predict(&s, |w| model.sensitivity_at(&gains, channel, w));
         let flown = s.rejection();
         let linear = metrics::rejection(Sampled::new(&linear.omega, &linear.value));
-        near(&format!("{axis} DRB"), flown.bandwidth, linear.bandwidth);
+        // A hump of |S| that all but touches the level is a crossing to one of
+        // them and none to the other: there the linear |S| must be as near.
+        let level = |w: f64| metrics::decibels(model.sensitivity_at(&gains, channel, w).norm());
+        let touches = flown.bandwidth.is_some_and(|w| (level(w) + 3.01).abs() < 0.3);
+        if !touches {
+            near(&format!("{axis} DRB"), flown.bandwidth, linear.bandwidth);
+        }
         let db = |peak: f64| Some(metrics::decibels(peak));
         near(&format!("{axis} DRP"), db(flown.peak), db(linear.peak));
         if let Some(c) = &measured.command {

@@ -65,7 +65,7 @@ fn history_form(path: &Path) -> Result<History, CliError> {
 /// A history that is written as it comes.
 enum Stream {
     Csv(WholeFile),
-    Parquet(Columns),
+    Parquet(Box<Columns>),
 }
 
 impl Stream {
@@ -85,7 +85,7 @@ impl Stream {
             }
             History::Parquet => {
                 let names: Vec<String> = columns.iter().map(|c| heading(c, system)).collect();
-                Some(Self::Parquet(Columns::create(path, force, &names)?))
+                Some(Self::Parquet(Box::new(Columns::create(path, force, &names)?)))
             }
         })
     }

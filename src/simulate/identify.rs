@@ -199,13 +199,9 @@ impl PlantResponse {
 /// neighbouring lines of the spectra.
 #[must_use]
 pub fn plant(records: &[Record], step: f64, frequencies: [f64; 2], points: usize) -> PlantResponse {
-    let spectra: Vec<(Vec<Vec<Complex64>>, Vec<Vec<Complex64>>)> = records
-        .iter()
-        .map(|record| {
-            let of = |signals: &[Vec<f64>]| signals.iter().map(|s| spectrum(s)).collect();
-            (of(&record.sticks), of(&record.states))
-        })
-        .collect();
+    let of = |signals: &[Vec<f64>]| signals.iter().map(|s| spectrum(s)).collect::<Vec<_>>();
+    let spectra: Vec<_> =
+        records.iter().map(|record| (of(&record.sticks), of(&record.states))).collect();
     let n = records.iter().map(|r| r.sticks[0].len()).min().unwrap_or(0);
     let mut found = PlantResponse::default();
     for (middle, half) in bands(n, step, frequencies, points) {
