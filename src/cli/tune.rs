@@ -203,7 +203,8 @@ fn with_ends(breakpoints: &[f64], trimmed: &[f64]) -> Vec<f64> {
         .filter(|b| trimmed.iter().any(|v| (v - b).abs() < 1e-6))
         .collect();
     let inside = |v: &&f64| {
-        breakpoints.first().is_some_and(|b| **v > *b) && breakpoints.last().is_some_and(|b| **v < *b)
+        breakpoints.first().is_some_and(|b| **v > *b)
+            && breakpoints.last().is_some_and(|b| **v < *b)
     };
     let ends = [trimmed.iter().find(inside), trimmed.iter().rfind(inside)];
     let (low, high) = (speeds.first().copied(), speeds.last().copied());

@@ -754,7 +754,6 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
                 );
             }
             channels.push(ChannelRequirement { channel, spec });
-
         }
         if let Some(t) = root.table("axis")
             && channels.iter().all(|c| c.channel.is_outer())

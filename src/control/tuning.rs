@@ -1533,7 +1533,8 @@ impl Run<'_> {
         }
         // Sizes of the kite, and programs at most.
         let full = (1.0, self.options.iterations);
-        let mut stages: VecDeque<(f64, usize)> = self.options.growth.iter().map(|&g| (g, 6)).collect();
+        let mut stages: VecDeque<(f64, usize)> =
+            self.options.growth.iter().map(|&g| (g, 6)).collect();
         stages.extend(std::iter::repeat_n(full, self.options.sweeps));
         let mut pair_searches = if self.search { PAIR_SEARCHES } else { 0 };
         while let Some((growth, iterations)) = stages.pop_front() {
@@ -2228,7 +2229,8 @@ impl TuningProblem<'_> {
             options: &options,
             search: true,
         };
-        let Sweeps { merits, sweeps: last, last_change } = run.sweeps(&all, &mut gains, &mut stats)?;
+        let Sweeps { merits, sweeps: last, last_change } =
+            run.sweeps(&all, &mut gains, &mut stats)?;
         sweeps += last;
         let mut prices = Vec::new();
         for (channel, spec) in &all {

@@ -531,7 +531,8 @@ pub fn authority(
         for axis in Axis::ALL {
             let mut size = steps[axis.index()];
             if axis == Axis::Yaw {
-                size = size.min(GRAVITY * spec.steps.roll.tan() / point.speed.max(f64::MIN_POSITIVE));
+                size =
+                    size.min(GRAVITY * spec.steps.roll.tan() / point.speed.max(f64::MIN_POSITIVE));
             }
             // Both directions: trim is seldom in the middle.
             let worst = [1.0, -1.0]

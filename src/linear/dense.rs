@@ -98,7 +98,8 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<C64>, LinearError> {
         params,
     )
     .map_err(|_| no_eigenvalues())?;
-    let mut values: Vec<C64> = re.into_iter().zip(im).map(|(re, im)| Complex::new(re, im)).collect();
+    let mut values: Vec<C64> =
+        re.into_iter().zip(im).map(|(re, im)| Complex::new(re, im)).collect();
     values.sort_by(spectral_order);
     Ok(values)
 }
