@@ -12,6 +12,7 @@
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
+//! * [`validation`]: identities that must hold whatever the numbers.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
 //!
@@ -166,4 +167,5 @@ pub mod schedule;
 pub mod simulate;
 pub mod trim;
 pub mod units;
+pub mod validation;
 pub mod vehicle;

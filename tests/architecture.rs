@@ -9,9 +9,20 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 12] = [
-    "units", "numerics", "problem", "vehicle", "trim", "linear", "control", "schedule", "simulate",
-    "export", "report", "cli",
+const STREET: [&str; 13] = [
+    "units",
+    "numerics",
+    "problem",
+    "vehicle",
+    "trim",
+    "linear",
+    "control",
+    "schedule",
+    "simulate",
+    "export",
+    "validation",
+    "report",
+    "cli",
 ];
 
 /// What a module may use of those above it, where that is less than all.

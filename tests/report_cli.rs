@@ -272,6 +272,30 @@ fn equal_things_compare_equal() {
 }
 
 /// A design beside a problem: margins where there are some.
+/// The files with one change each show what that change does alone.
+#[test]
+fn variants_isolate_one_choice() {
+    let directory = tempfile::tempdir().unwrap();
+    let variant = |name: &str| {
+        root().join(format!("problems/variants/coax2d-{name}.toml")).display().to_string()
+    };
+    let files = ["in-phase", "total", "apart"].map(variant);
+    let mut arguments =
+        vec!["compare", "--speeds", "0 kt", "--quiet", "--format", "json", "coax2d"];
+    arguments.extend(files.iter().map(String::as_str));
+    let json = program(directory.path(), &arguments);
+    assert_eq!(code(&json), 0, "{}", err(&json));
+    let value: Value = serde_json::from_str(out(&json)).unwrap();
+    let entries = value["entries"].as_array().unwrap();
+    let power = |k: usize| entries[k]["trim"][0]["power_w"].as_f64().unwrap();
+    let roll = |k: usize| entries[k]["blade_pitch_rad_per_unit_of_nu"][0].as_f64().unwrap();
+    // Rigging changes what a stick does, and hardly the power of a hover.
+    assert!((power(1) / power(0) - 1.0).abs() < 1e-3, "{} {}", power(1), power(0));
+    assert!(roll(1) < 0.9 * roll(0), "{} {}", roll(1), roll(0));
+    // Shared mass flow is between the paper's model and lone rotors.
+    assert!(power(3) < power(2) && power(2) < power(0), "{} {}", power(2), power(3));
+}
+
 #[test]
 fn a_design_compares_with_its_margins() {
     let directory = tempfile::tempdir().unwrap();

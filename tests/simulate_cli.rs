@@ -3,8 +3,11 @@
 #[path = "common/program.rs"]
 mod program;
 
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::RowAccessor;
 use program::{code, program};
 use serde_json::Value;
+use std::path::Path;
 
 const DESIGN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/designs/coax2d");
 
@@ -37,10 +40,115 @@ fn histories_are_whole_and_repeat() {
     assert_eq!(code(&fly("b.csv")), 0);
     assert_eq!(text, std::fs::read_to_string(here.join("b.csv")).unwrap());
     assert_eq!(code(&fly("a.csv")), 3);
-    let refused = fly("a.parquet");
+    let refused = fly("a.xls");
     assert_eq!(code(&refused), 2);
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("CSV"));
-    assert!(!here.join("a.parquet").exists());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains(".parquet"));
+    assert!(!here.join("a.xls").exists());
+
+    // Parquet holds the same columns and numbers, to the digits of the CSV.
+    assert_eq!(code(&fly("a.parquet")), 0);
+    let file = std::fs::File::open(here.join("a.parquet")).unwrap();
+    let reader = SerializedFileReader::new(file).unwrap();
+    let schema = reader.metadata().file_metadata().schema();
+    let names: Vec<&str> = schema.get_fields().iter().map(|field| field.name()).collect();
+    assert_eq!(names, headers.iter().collect::<Vec<_>>());
+    let mut seen = 0;
+    for (row, expected) in reader.get_row_iter(None).unwrap().zip(&rows) {
+        let row = row.unwrap();
+        for (k, want) in expected.iter().enumerate() {
+            let got = row.get_double(k).unwrap();
+            assert!((got - want).abs() <= 1e-8 * want.abs().max(1e-30), "{got} {want}");
+        }
+        seen += 1;
+    }
+    assert_eq!(seen, rows.len());
+}
+
+/// A flight that is killed leaves the file that was there before, whole, or
+/// none.
+#[test]
+fn a_killed_flight_leaves_whole_files() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    // Trimmed flight in open loop for longer than anybody waits.
+    let text = "title = \"long\"\nduration = \"36000 s\"\nmode = \"attitude\"\n";
+    std::fs::write(here.join("long.toml"), text).unwrap();
+    for file in ["old.csv", "new.csv", "new.parquet"] {
+        if file == "old.csv" {
+            std::fs::write(here.join(file), "what was there\n").unwrap();
+        }
+        let mut flight = std::process::Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+            .current_dir(here)
+            .args(["simulate", DESIGN, "-q", "-m", "long.toml", "--force", "-o", file])
+            .args(["--model", "interactions=off"])
+            .spawn()
+            .unwrap();
+        // Until it is writing: a temporary file has grown.
+        let growing = || {
+            std::fs::read_dir(here).unwrap().any(|entry| {
+                let entry = entry.unwrap();
+                entry.file_name().to_string_lossy().starts_with(".coaxdesign-")
+                    && entry.metadata().is_ok_and(|m| m.len() > 0)
+            })
+        };
+        while !growing() {
+            assert!(flight.try_wait().unwrap().is_none(), "it ended by itself");
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        flight.kill().unwrap();
+        flight.wait().unwrap();
+        if file == "old.csv" {
+            assert_eq!(std::fs::read_to_string(here.join(file)).unwrap(), "what was there\n");
+        } else {
+            assert!(!here.join(file).exists());
+        }
+        for entry in std::fs::read_dir(here).unwrap() {
+            let path = entry.unwrap().path();
+            if path.file_name().unwrap().to_string_lossy().starts_with(".coaxdesign-") {
+                std::fs::remove_file(path).unwrap();
+            }
+        }
+    }
+}
+
+/// A law that drives the aircraft away ends with its status and exit code, and
+/// every number that is written is a number.
+#[test]
+fn a_diverging_flight_writes_numbers_only() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let text = std::fs::read_to_string(Path::new(DESIGN).join("schedule.json")).unwrap();
+    let mut schedule: Value = serde_json::from_str(&text).unwrap();
+    for point in schedule["points"].as_array_mut().unwrap() {
+        for gain in ["k_d", "k_p", "k_i"] {
+            let value = point["gains"]["roll"][gain].as_f64().unwrap();
+            point["gains"]["roll"][gain] = (-value).into();
+        }
+    }
+    std::fs::write(here.join("bad.json"), schedule.to_string()).unwrap();
+    for file in ["run.csv", "run.json"] {
+        let arguments = ["simulate", "bad.json", "-q", "-m", "sidestep", "-o", file];
+        let flown = program(here, &[&arguments[..], &["--format", "json"]].concat());
+        assert_eq!(code(&flown), 1);
+        let summary: Value = serde_json::from_slice(&flown.stdout).unwrap();
+        assert_eq!(summary["metrics"]["end"]["status"], "diverged");
+        assert!(summary["metrics"]["end"]["state"].is_string());
+        let text = std::fs::read_to_string(here.join(file)).unwrap();
+        if file == "run.csv" {
+            let mut reader = csv::Reader::from_reader(text.as_bytes());
+            for row in reader.records() {
+                for cell in row.unwrap().iter() {
+                    assert!(cell.parse::<f64>().unwrap().is_finite(), "{cell}");
+                }
+            }
+        } else {
+            let run: Value = serde_json::from_str(&text).unwrap();
+            for row in run["history"]["rows"].as_array().unwrap() {
+                // JSON has no word for what is not finite but null.
+                assert!(row.as_array().unwrap().iter().all(Value::is_number));
+            }
+        }
+    }
 }
 
 #[test]

@@ -12,10 +12,9 @@ use crate::control::plant::Hardware;
 use crate::control::spec;
 use crate::problem::Loaded;
 use crate::schedule::Schedule;
-use crate::simulate::flight::Autopilot;
+use crate::simulate::flight::{Autopilot, FlightError};
 use crate::simulate::maneuver::{self, Maneuver, Mode};
 use crate::simulate::montecarlo::Variation;
-use crate::simulate::wind::Turbulence;
 use crate::simulate::{Options, SimulationError};
 use crate::trim::{ConvergedTrim, Options as TrimOptions, sweep};
 use crate::units::{Kind, parse_quantity};
@@ -28,14 +27,15 @@ pub struct FlyArgs {
     #[arg(value_name = "DESIGN")]
     pub design: Option<PathBuf>,
     /// Manoeuvre file, or the name of a built-in one: accel-climb-turn, hover-turbulence,
-    /// hover-turn, pirouette, slalom, accel-decel, sidestep, vertical, lateral-doublet
+    /// hover-turn, pirouette, slalom, accel-decel, sidestep, vertical, engine-out, lateral-doublet
     #[arg(short, long, value_name = "FILE")]
     pub maneuver: PathBuf,
     /// Problem file, or the name of a built-in one
     #[arg(long, value_name = "FILE", default_value = "coax2d")]
     pub problem: PathBuf,
     /// Vary the model: interactions=on|off, mass=FACTOR, inertia=FACTOR, cg=LENGTH (aft),
-    /// delay=TIME (extra), turbulence=SPEED (wind at 20 ft)
+    /// delay=TIME (extra), turbulence=SPEED (wind at 20 ft), inflow=FACTOR (of rotors on one
+    /// another), gust-forward|gust-right|gust-up=SPEED (met half way), governor=TIME (constant)
     #[arg(long = "model", value_name = "KEY=VALUE")]
     pub model: Vec<String>,
     /// Seed of sensor noise and turbulence
@@ -59,11 +59,14 @@ pub struct FlyArgs {
 pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
     let mut variation = Variation::default();
     for text in texts {
-        let usage = |message: String| CliError::Usage {
+        let usage = |message: String| {
+            CliError::Usage {
             message: format!("--model {text:?}: {message}"),
             help: "write --model interactions=off, --model mass=1.1, --model inertia=0.9, \
-                   --model \"cg=2 in\", --model \"delay=10 ms\" or --model \"turbulence=15 kt\""
+                   --model \"cg=2 in\", --model \"delay=10 ms\", --model \"turbulence=15 kt\", --model \
+                   inflow=1.2, --model \"gust-up=5 ft/s\" or --model \"governor=1 s\""
                 .into(),
+        }
         };
         let (key, value) = text.split_once('=').ok_or_else(|| usage("no value".into()))?;
         let factor = || match value.trim().parse::<f64>() {
@@ -85,8 +88,19 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
             "cg" => variation.center_of_gravity = quantity(Kind::Length)?,
             "delay" => variation.delay = quantity(Kind::Time)?,
             "turbulence" => variation.turbulence = Some(quantity(Kind::Airspeed)?),
+            "inflow" => variation.inflow = factor()?,
+            "gust-forward" => variation.gust[0] = quantity(Kind::Velocity)?,
+            "gust-right" => variation.gust[1] = quantity(Kind::Velocity)?,
+            "gust-up" => variation.gust[2] = quantity(Kind::Velocity)?,
+            "governor" => variation.governor = Some(quantity(Kind::Time)?),
             other => return Err(usage(format!("there is no {other:?} to vary"))),
         }
+    }
+    if variation.governor.is_some_and(|time| time <= 0.0) {
+        return Err(CliError::Usage {
+            message: "--model: the time constant of a governor must be positive".into(),
+            help: "write --model \"governor=1 s\"".into(),
+        });
     }
     if variation.delay < 0.0 || variation.turbulence.is_some_and(|wind| wind < 0.0) {
         return Err(CliError::Usage {
@@ -108,7 +122,9 @@ pub struct Ready {
     pub schedule: Option<Schedule>,
     /// Its law.
     pub autopilot: Option<Autopilot>,
-    /// The manoeuvre.
+    /// The manoeuvre as its file has it.
+    pub as_read: Maneuver,
+    /// The manoeuvre in the varied air.
     pub maneuver: Maneuver,
     /// How to simulate.
     pub options: Options,
@@ -120,11 +136,9 @@ impl FlyArgs {
     /// # Errors
     /// Files that cannot be read, and arguments that make no sense.
     pub fn ready(&self, quiet: bool) -> Result<Ready, CliError> {
-        let mut maneuver = load_maneuver(&self.maneuver)?;
         let variation = variation(&self.model)?;
-        if let Some(wind_at_20_ft) = variation.turbulence {
-            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft });
-        }
+        let as_read = load_maneuver(&self.maneuver)?;
+        let maneuver = variation.fly_in(&as_read);
         let problem = ProblemArgs { file: Some(self.problem.clone()) };
         let loaded = problem.load_with_warnings(quiet)?;
         let schedule = self.design.as_deref().map(load_schedule).transpose()?;
@@ -165,7 +179,7 @@ impl FlyArgs {
             seed: self.seed,
             ..Options::new(hardware, rate_limit)
         };
-        Ok(Ready { loaded, variation, schedule, autopilot, maneuver, options })
+        Ok(Ready { loaded, variation, schedule, autopilot, as_read, maneuver, options })
     }
 }
 
@@ -175,7 +189,7 @@ impl Ready {
     /// # Errors
     /// A problem of which no model can be built.
     pub fn vehicle(&self) -> Result<Vehicle, CliError> {
-        Ok(Vehicle::new(&self.variation.apply(&self.loaded.problem))?)
+        Ok(self.variation.vehicle(&self.loaded.problem)?)
     }
 
     /// The trim that the manoeuvre starts from.
@@ -188,6 +202,18 @@ impl Ready {
         let message = failures(std::slice::from_ref(&found.points));
         let point = found.points.pop().and_then(|point| point.into_converged().ok());
         point.ok_or_else(|| CliError::Missed(format!("no trim to start from: {message}")))
+    }
+}
+
+/// Why a flight cannot begin, in the user's terms.
+pub fn flight_error(error: &FlightError) -> CliError {
+    match error {
+        FlightError::Simulation(error) => simulation_error(error),
+        FlightError::NoRotorSpeed => CliError::Usage {
+            message: error.to_string(),
+            help: "write [rotors.NAME.governor] in the problem, or --model \"governor=1 s\"".into(),
+        },
+        FlightError::NoLaw => CliError::Internal(error.to_string()),
     }
 }
 

@@ -12,18 +12,24 @@ use super::fly::load_schedule;
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
 use crate::control::axis::{Axis, Channel, GainSet};
-use crate::control::loops::{Cut, LoopModel};
+use crate::control::loops::{Cut, FrequencyModel, LoopModel};
 use crate::control::metrics::{self, Sampled, decibels};
 use crate::control::models::{airframe, from_state_space};
+use crate::control::plant::rigid;
 use crate::control::spec;
 use crate::control::tuning::default_grid;
 use crate::control::verify::inner_only;
 use crate::linear::linearize::{self, averaged};
-use crate::report::figures::{BodeChannel, FrequencyResponse, bode_figure};
+use crate::report::figures::{
+    BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, time_history_figure,
+};
 use crate::report::table::{Cell, Coloring, Column, Digits, Table};
 use crate::simulate::Options;
 use crate::simulate::flight::Autopilot;
-use crate::simulate::identify::{Measured, Response, Sweep, measure_axes};
+use crate::simulate::identify::{
+    self, Measured, PlantResponse, Record, Response, Sweep, measure_axes,
+};
+use crate::simulate::steps::{self, SmallStep};
 use crate::trim::{FlightCondition, Options as TrimOptions, sweep};
 use crate::units::{Kind, System};
 use crate::vehicle::Vehicle;
@@ -31,8 +37,9 @@ use crate::vehicle::Vehicle;
 /// Measure margins and bandwidths of a schedule in simulated flight, beside the linear predictions
 ///
 /// The full nonlinear vehicle flies frequency sweeps at attitude hold; ratios of spectra give the
-/// loop at each stick, the sensitivity and the command response. The predictions are those that
-/// `verify` works with, outer loops open.
+/// loop at each stick, the sensitivity, the command response, and the aircraft alone. The
+/// predictions are those that `verify` works with, outer loops open. With --steps it flies small
+/// steps in every channel instead, beside the linear closed loop in time, outer loops closed.
 #[derive(Debug, Args)]
 pub struct Identify {
     /// Schedule file, or a directory with a schedule.json
@@ -43,7 +50,10 @@ pub struct Identify {
     /// True airspeed, such as "40 kt"
     #[arg(long, value_name = "SPEED", default_value = "0 kt")]
     speed: String,
-    /// Plot measured and predicted loops to an SVG file
+    /// Fly small steps, and compare them in time
+    #[arg(long)]
+    steps: bool,
+    /// Plot measured and predicted loops, or steps, to an SVG file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -52,6 +62,30 @@ pub struct Identify {
     output: OutputArgs,
     #[command(flatten)]
     run: RunArgs,
+}
+
+/// Frequencies at which the aircraft alone is measured, rad/s. Slower than this
+/// the law keeps its unstable modes so small that little of them is seen.
+const PLANT_FREQUENCIES: [f64; 2] = [1.0, 12.0];
+/// Its responses that are shown: axis, state, name of it.
+const PLANT_RESPONSES: [(Axis, usize, &str); 4] = [
+    (Axis::Roll, rigid::P, "p per lat, mismatch"),
+    (Axis::Pitch, rigid::Q, "q per lon, mismatch"),
+    (Axis::Yaw, rigid::R, "r per ped, mismatch"),
+    (Axis::Heave, rigid::W, "w per col, mismatch"),
+];
+
+/// Mismatch cost of the aircraft's own responses, which is zero at best.
+fn plant_pairs(alone: &PlantResponse, exact: &FrequencyModel) -> Vec<Pair> {
+    PLANT_RESPONSES
+        .iter()
+        .map(|&(axis, state, quantity)| {
+            let stick = axis.effector().index();
+            let measured = alone.element(state, stick).coherent();
+            let cost = identify::mismatch(&measured, |w| exact.states(w)[state][stick]);
+            Pair { axis, quantity, unit: "J", measured: cost, predicted: None }
+        })
+        .collect()
 }
 
 /// A number measured in flight beside its prediction.
@@ -99,10 +133,23 @@ impl Identify {
         let gains = inner_only(&point.gains);
         let law = Autopilot { table, stick_limits: schedule.stick_limits };
         let options = Options::new(schedule.hardware, spec::builtin()?.pitch_rate_limit);
+        if self.steps {
+            let channels = steps::channels(&law.table, speed);
+            let list = steps::compare(&vehicle, &start, &plant, &law, &options, &channels)
+                .map_err(|error| CliError::Missed(error.to_string()))?;
+            return self.show_steps(&list, speed);
+        }
         let measured =
             measure_axes(&vehicle, &start, &law, &options, &Sweep::default(), &Axis::ALL)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
-        let pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model, &gains)).collect();
+        let mut pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model, &gains)).collect();
+        let records: Vec<Record> = measured.iter().map(|m| m.record.clone()).collect();
+        let sweep = Sweep::default();
+        let period = 1.0 / options.control_rate;
+        let alone = identify::plant(&records, period, PLANT_FREQUENCIES, sweep.points);
+        let exact = FrequencyModel::new(&plant, schedule.hardware, 0.0)
+            .map_err(|error| CliError::Missed(error.to_string()))?;
+        pairs.extend(plant_pairs(&alone, &exact));
         if let Some(path) = &self.plot {
             let svg = figure(&measured, &model, &gains, speed);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
@@ -118,6 +165,107 @@ impl Identify {
         };
         self.output.write(&text)
     }
+}
+
+impl Identify {
+    fn show_steps(&self, list: &[SmallStep], speed: f64) -> Result<Outcome, CliError> {
+        if let Some(path) = &self.plot {
+            let svg = steps_figure(list, speed);
+            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+        }
+        let text = match self.format.format {
+            Format::Json => {
+                let steps: Vec<Json> = list
+                    .iter()
+                    .map(|s| {
+                        json!({
+                            "channel": s.channel.name(),
+                            "size_si": steps::size(s.channel),
+                            "rms_difference_percent": 100.0 * s.difference(),
+                            "peak_difference_percent": 100.0 * s.largest_difference(),
+                            "time_s": s.time,
+                            "flown_si": s.flown,
+                            "linear_si": s.linear,
+                        })
+                    })
+                    .collect();
+                let value = json!({
+                    "schema": "coaxdesign.steps/1",
+                    "speed_m_s": speed,
+                    "steps": steps,
+                });
+                let text = serde_json::to_string_pretty(&value)
+                    .map_err(|error| CliError::Internal(error.to_string()))?;
+                text + "\n"
+            }
+            Format::Csv => steps_table(list, speed).to_csv(),
+            Format::Table => steps_table(list, speed).to_text(Coloring::for_stdout()),
+        };
+        self.output.write(&text)
+    }
+}
+
+/// Kind in which a channel is shown.
+fn step_kind(channel: Channel) -> Kind {
+    match channel {
+        Channel::Roll | Channel::Pitch => Kind::Angle,
+        Channel::Yaw => Kind::AngularRate,
+        Channel::Heave | Channel::Vx | Channel::Vy => Kind::Velocity,
+    }
+}
+
+fn steps_table(list: &[SmallStep], speed: f64) -> Table {
+    let title = format!(
+        "Small steps at {:.0} kt, flown beside the linear closed loop",
+        Kind::Airspeed.from_si(speed, System::Us)
+    );
+    let digits = Digits::Decimals(2);
+    let mut table = Table::new(
+        &title,
+        vec![
+            Column::text("channel"),
+            Column::text("unit"),
+            Column::number("step", "", Digits::Significant(3)),
+            Column::number("RMS apart", "%", digits),
+            Column::number("at most", "%", digits),
+        ],
+    );
+    for step in list {
+        let kind = step_kind(step.channel);
+        table.row([
+            Cell::from(step.channel.name()),
+            kind.symbol(System::Us).into(),
+            kind.from_si(steps::size(step.channel), System::Us).into(),
+            (100.0 * step.difference()).into(),
+            (100.0 * step.largest_difference()).into(),
+        ]);
+    }
+    table
+}
+
+fn steps_figure(list: &[SmallStep], speed: f64) -> String {
+    let panels: Vec<CurvePanel> = list
+        .iter()
+        .map(|step| {
+            let kind = step_kind(step.channel);
+            let curve = |name: &str, style, values: &[f64]| Curve {
+                name: name.into(),
+                style,
+                x: step.time.clone(),
+                y: values.iter().map(|y| kind.from_si(*y, System::Us)).collect(),
+                marks: Marks::Without,
+            };
+            CurvePanel {
+                title: String::new(),
+                quantity: step.channel.name().into(),
+                unit: kind.symbol(System::Us).into(),
+                minimum_span: 0.0,
+                curves: vec![curve("flown", 0, &step.flown), curve("linear", 1, &step.linear)],
+            }
+        })
+        .collect();
+    let title = format!("Small steps at {:.0} kt", Kind::Airspeed.from_si(speed, System::Us));
+    time_history_figure(&title, 2, &panels).to_svg()
 }
 
 fn pairs(m: &Measured, model: &LoopModel, gains: &GainSet) -> Vec<Pair> {

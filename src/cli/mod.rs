@@ -22,6 +22,7 @@ mod modes;
 mod montecarlo;
 mod new;
 pub mod output;
+mod parquet;
 mod report;
 mod schema;
 mod simulate;

@@ -11,25 +11,23 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::args::{Format, FormatArgs, RunArgs};
-use super::fly::{FlyArgs, Ready, simulation_error};
+use super::fly::{FlyArgs, Ready, flight_error};
 use super::{CliError, Outcome, output};
 use crate::report::progress::Progress;
 use crate::schedule::hash;
-use crate::simulate::flight::FlightError;
 use crate::simulate::metrics::Meter;
 use crate::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw, wilson};
-use crate::simulate::wind::Turbulence;
 use crate::simulate::{Flight, Options};
 use crate::trim::{Options as TrimOptions, sweep};
 use crate::units::{KNOT, Kind, parse_quantity};
-use crate::vehicle::Vehicle;
 
 /// Schema of the file of runs.
 const SCHEMA: &str = "coaxdesign.montecarlo/1";
 
 /// Fly a manoeuvre many times with the aircraft and the air varied
 ///
-/// Variations form a Latin hypercube over mass, inertia, centre of gravity, delay and turbulence.
+/// Variations form a Latin hypercube over mass, inertia, centre of gravity, delay, turbulence,
+/// the inflow of the rotors on one another, and a discrete gust half way.
 /// The file of -o holds one line of JSON a run and is added to as runs end: started again with the
 /// same arguments, the command flies only what is missing. Shards of one study may be flown on
 /// different machines and joined with --merge.
@@ -68,6 +66,12 @@ pub struct MonteCarlo {
     /// Largest wind at 20 ft for turbulence; "0 kt" keeps the manoeuvre's own air
     #[arg(long, value_name = "SPEED", default_value = "15 kt")]
     turbulence: String,
+    /// Range of the inflow that rotors induce in one another, either way, as a fraction
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.2)]
+    inflow: f64,
+    /// Largest component of the gust, either way
+    #[arg(long, value_name = "SPEED", default_value = "5 ft/s")]
+    gust: String,
     /// A run succeeds if no velocity is farther from its reference than this
     #[arg(long, value_name = "SPEED", default_value = "10 kt")]
     peak: String,
@@ -183,6 +187,8 @@ impl MonteCarlo {
             center_of_gravity: quantity("cg", &self.cg, Kind::Length)?.abs(),
             delay: quantity("delay", &self.delay, Kind::Time)?.max(0.0),
             turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?.max(0.0),
+            inflow: fraction("inflow", self.inflow)?,
+            gust: quantity("gust", &self.gust, Kind::Velocity)?.abs(),
         };
         let criterion = Criterion {
             velocity_peak: quantity("peak", &self.peak, Kind::Airspeed)?,
@@ -218,12 +224,12 @@ impl MonteCarlo {
             center_of_gravity: base.center_of_gravity + drawn.center_of_gravity,
             delay: base.delay + drawn.delay,
             turbulence: drawn.turbulence.or(base.turbulence),
+            inflow: base.inflow * drawn.inflow,
+            gust: std::array::from_fn(|k| base.gust[k] + drawn.gust[k]),
+            governor: base.governor,
         };
-        let mut maneuver = ready.maneuver.clone();
-        if let Some(wind_at_20_ft) = variation.turbulence {
-            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft });
-        }
-        let vehicle = Vehicle::new(&variation.apply(&ready.loaded.problem))?;
+        let maneuver = variation.fly_in(&ready.as_read);
+        let vehicle = variation.vehicle(&ready.loaded.problem)?;
         let mut run = Run {
             run: index,
             seed,
@@ -244,12 +250,8 @@ impl MonteCarlo {
         };
         let options = Options { seed, extra_delay: variation.delay, ..ready.options.clone() };
         let mut flight =
-            Flight::new(&vehicle, &start, ready.autopilot.as_ref(), &maneuver, &options).map_err(
-                |error| match error {
-                    FlightError::Simulation(error) => simulation_error(&error),
-                    FlightError::NoLaw => CliError::Internal(error.to_string()),
-                },
-            )?;
+            Flight::new(&vehicle, &start, ready.autopilot.as_ref(), &maneuver, &options)
+                .map_err(|error| flight_error(&error))?;
         let mut meter = Meter::new(&flight);
         let status = flight.fly(|flight| meter.see(flight));
         let metrics = meter.finish(&flight, &status);
@@ -300,14 +302,16 @@ impl MonteCarlo {
         }
         if self.format.format == Format::Csv {
             let mut text = String::from(
-                "run,seed,mass,inertia,cg_m,delay_s,turbulence_m_s,status,time_s,\
+                "run,seed,mass,inertia,cg_m,delay_s,turbulence_m_s,inflow,gust_forward_m_s,\
+                 gust_right_m_s,gust_up_m_s,status,time_s,\
                  forward_peak_m_s,right_peak_m_s,vertical_peak_m_s,saturated_s,success\n",
             );
             for r in list {
                 let v = &r.variation;
                 let [x, y, z] = r.velocity_peak_m_s;
+                let [gx, gy, gz] = v.gust;
                 text += &format!(
-                    "{},{},{},{},{},{},{},{},{},{x},{y},{z},{},{}\n",
+                    "{},{},{},{},{},{},{},{},{gx},{gy},{gz},{},{},{x},{y},{z},{},{}\n",
                     r.run,
                     r.seed,
                     v.mass,
@@ -315,6 +319,7 @@ impl MonteCarlo {
                     v.center_of_gravity,
                     v.delay,
                     v.turbulence.unwrap_or(0.0),
+                    v.inflow,
                     r.status,
                     r.time_s,
                     r.saturated_s,
@@ -357,6 +362,13 @@ impl MonteCarlo {
             );
             if let Some(wind) = v.turbulence {
                 text += &format!(" --model \"turbulence={wind} m/s\"");
+            }
+            text += &format!(" --model inflow={}", v.inflow);
+            for (name, value) in ["forward", "right", "up"].iter().zip(v.gust) {
+                text += &format!(" --model \"gust-{name}={value} m/s\"");
+            }
+            if let Some(time) = v.governor {
+                text += &format!(" --model \"governor={time} s\"");
             }
             if let Some(on) = v.interactions {
                 text += &format!(" --model interactions={}", if on { "on" } else { "off" });

@@ -119,6 +119,22 @@ impl WholeFile {
     }
 }
 
+impl std::io::Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match &mut self.sink {
+            Sink::Temporary(file) => file.write(bytes),
+            Sink::Device(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        match &mut self.sink {
+            Sink::Temporary(file) => file.flush(),
+            Sink::Device(file) => file.flush(),
+        }
+    }
+}
+
 /// Writes several files into a directory, which is made if it is not there:
 /// all of them or none. Every file is first written whole under another name;
 /// then all take their names, and if one cannot, those before it give theirs

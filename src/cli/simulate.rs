@@ -6,12 +6,12 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
-use super::fly::{FlyArgs, Ready, simulation_error};
+use super::fly::{FlyArgs, Ready, flight_error};
 use super::output::{self, WholeFile};
+use super::parquet::Columns;
 use super::{CliError, Outcome};
 use crate::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
 use crate::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
-use crate::simulate::flight::FlightError;
 use crate::simulate::metrics::{Meter, SCHEMA};
 use crate::simulate::record::Column;
 use crate::simulate::{Flight, Metrics, Recorder, Status};
@@ -19,8 +19,8 @@ use crate::units::{Kind, System};
 
 /// Fly a manoeuvre with the full nonlinear vehicle, under a schedule or in open loop
 ///
-/// Writes metrics to standard output, and the time history to the file of -o: CSV (streamed, so
-/// that memory does not grow with the flight) or JSON (metrics and history).
+/// Writes metrics to standard output, and the time history to the file of -o: CSV or Parquet
+/// (streamed, so that memory does not grow with the flight), or JSON (metrics and history).
 #[derive(Debug, Args)]
 pub struct Simulate {
     #[command(flatten)]
@@ -46,6 +46,7 @@ pub struct Simulate {
 enum History {
     Csv,
     Json,
+    Parquet,
 }
 
 fn history_form(path: &Path) -> Result<History, CliError> {
@@ -53,16 +54,60 @@ fn history_form(path: &Path) -> Result<History, CliError> {
     match extension.as_str() {
         "csv" => Ok(History::Csv),
         "json" => Ok(History::Json),
-        "parquet" => Err(CliError::Usage {
-            message: format!("{}: Parquet is not written by this program", path.display()),
-            help: "write CSV, which every tool turns into Parquet, such as \
-                   duckdb -c \"COPY (FROM 'run.csv') TO 'run.parquet'\""
-                .into(),
-        }),
+        "parquet" => Ok(History::Parquet),
         _ => Err(CliError::Usage {
             message: format!("{}: the ending says no form", path.display()),
-            help: "end the name in .csv or .json".into(),
+            help: "end the name in .csv, .json or .parquet".into(),
         }),
+    }
+}
+
+/// A history that is written as it comes.
+enum Stream {
+    Csv(WholeFile),
+    Parquet(Columns),
+}
+
+impl Stream {
+    fn create(
+        form: History,
+        path: &Path,
+        force: bool,
+        columns: &[Column],
+        system: System,
+    ) -> Result<Option<Self>, CliError> {
+        Ok(match form {
+            History::Json => None,
+            History::Csv => {
+                let mut file = WholeFile::create(path, force)?;
+                file.write(csv_head(columns, system).as_bytes())?;
+                Some(Self::Csv(file))
+            }
+            History::Parquet => {
+                let names: Vec<String> = columns.iter().map(|c| heading(c, system)).collect();
+                Some(Self::Parquet(Columns::create(path, force, &names)?))
+            }
+        })
+    }
+
+    fn row(&mut self, columns: &[Column], row: &[f64], system: System) -> Result<(), CliError> {
+        match self {
+            Self::Csv(file) => {
+                let mut line = String::new();
+                csv_line(&mut line, columns, row, system);
+                file.write(line.as_bytes())
+            }
+            Self::Parquet(file) => {
+                file.row(columns.iter().zip(row).map(|(c, value)| c.kind.from_si(*value, system)))
+            }
+        }
+    }
+
+    fn finish(self) -> Result<(), CliError> {
+        match self {
+            Self::Csv(file) => file.finish(),
+            Self::Parquet(file) => file.finish(),
+        }
     }
 }
 
@@ -92,17 +137,12 @@ impl Simulate {
             &ready.maneuver,
             &ready.options,
         )
-        .map_err(|error| match error {
-            FlightError::Simulation(error) => simulation_error(&error),
-            FlightError::NoLaw => CliError::Internal(error.to_string()),
-        })?;
+        .map_err(|error| flight_error(&error))?;
         let mut recorder = Recorder::new(&flight);
         let mut meter = Meter::new(&flight);
         let mut stream = match (form, &self.output.output) {
-            (Some(History::Csv), Some(path)) => {
-                let mut file = WholeFile::create(path, self.output.force)?;
-                file.write(csv_head(recorder.columns(), system).as_bytes())?;
-                Some(file)
+            (Some(form), Some(path)) => {
+                Stream::create(form, path, self.output.force, recorder.columns(), system)?
             }
             _ => None,
         };
@@ -110,14 +150,12 @@ impl Simulate {
         let mut kept = Kept { columns: recorder.columns().to_vec(), rows: Vec::new() };
         let mut written: Result<(), CliError> = Ok(());
         let mut count = 0u64;
-        let mut line = String::new();
         let status = flight.fly(|flight| {
             meter.see(flight);
             if count.is_multiple_of(every) && written.is_ok() {
                 let row = recorder.row(flight);
-                if let Some(file) = &mut stream {
-                    csv_line(&mut line, &kept.columns, row, system);
-                    written = file.write(line.as_bytes());
+                if let Some(stream) = &mut stream {
+                    written = stream.row(&kept.columns, row, system);
                 }
                 if keep {
                     kept.rows.push(row.to_vec());
@@ -127,8 +165,8 @@ impl Simulate {
         });
         written?;
         let metrics = meter.finish(&flight, &status);
-        if let Some(file) = stream {
-            file.finish()?;
+        if let Some(stream) = stream {
+            stream.finish()?;
         }
         let summary = summary(&ready, &flight, &metrics)?;
         if let (Some(History::Json), Some(path)) = (form, &self.output.output) {
@@ -225,6 +263,9 @@ fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json
             "inertia_factor": variation.inertia,
             "center_of_gravity_shift_m": variation.center_of_gravity,
             "extra_delay_s": variation.delay,
+            "interference_gain": variation.inflow,
+            "gust_m_s": variation.gust,
+            "governor_s": variation.governor,
         },
         "simulation": {
             "duration_s": ready.maneuver.duration,
@@ -333,6 +374,21 @@ fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) 
     }
     text += "\n";
     text += &actuator_table(metrics).to_text(coloring);
+    let lags: Vec<String> = metrics
+        .command_lag
+        .iter()
+        .map(|t| {
+            let shown = |value: f64| Kind::Airspeed.from_si(value, system);
+            format!("{} {:.2} / {:.2}", t.channel, shown(t.size.rms), shown(t.size.peak))
+        })
+        .collect();
+    if !lags.is_empty() {
+        text += &format!(
+            "\nAgainst first-order lags of the commands alone, RMS / peak, {}: {}\n",
+            Kind::Airspeed.symbol(system),
+            lags.join(", ")
+        );
+    }
     let kind = |kind: Kind, value: f64| {
         format!("{:.1} {}", kind.from_si(value, system), kind.symbol(system))
     };

@@ -36,12 +36,17 @@
 //! attitude and sticks would change with every gust and close a loop that the
 //! gains do not know of.
 //!
+//! Away from the schedule's trims two things change that no table over speed
+//! holds, [`OffTrim`]: the pedals' power over yaw grows with the collective,
+//! and the pitching moment of rotor lift grows with the tail's load. Both laws
+//! of growth are read off the table itself.
+//!
 //! Everything that depends on speed is read from a table by linear
 //! interpolation, and held constant beyond its ends. [`LawTable::at`] is what
 //! the tuning and the verification look at; [`Controller::step`] is the same
 //! law in discrete time, nonlinear in kinematics.
 
-use super::axis::{Axis, Channel, GainSet};
+use super::axis::{Axis, Channel, Effector, Gain, GainSet};
 use super::loops::LawSettings;
 use super::plant::{Inversion, rigid};
 use super::spec::TurnCoordination;
@@ -69,6 +74,86 @@ pub struct LawTable {
     pub settings: LawSettings,
     /// Eq. 75.
     pub turn: TurnCoordination,
+    off_trim: OffTrim,
+}
+
+/// How the sticks' powers change away from the trims of the schedule.
+///
+/// A rotor's torque is nearly a parabola in its collective. So what pedals do
+/// that move the rotors' collectives apart grows in proportion to the
+/// collective they start from, and an aircraft that climbs or accelerates has
+/// more of it than in level flight. The thrust of the rotors balances the
+/// tail's load about the centre of gravity, hence the arm of that thrust, and
+/// with it the pitching moment of collective and pedals, grows with the load,
+/// as u w does. Both show in the schedule, because collective and u w also
+/// change with speed: these are least-squares slopes over its breakpoints,
+/// and zero where the breakpoints lie on no line.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OffTrim {
+    /// Growth of the yaw acceleration per pedal with collective,
+    /// rad/s² per % per %.
+    pub pedal_yaw: f64,
+    /// Growth of the pitch acceleration per collective with u w,
+    /// rad/s² per % per m²/s².
+    pub collective_pitch: f64,
+    /// Growth of the pitch acceleration per pedal with u w,
+    /// rad/s² per % per m²/s².
+    pub pedal_pitch: f64,
+}
+
+/// Fewest breakpoints that show a line.
+pub const LEAST_BREAKPOINTS: usize = 4;
+/// Least share of the variance over the breakpoints that a line must explain.
+pub const LEAST_EXPLAINED: f64 = 0.95;
+/// How far the pedals' power may be taken to differ from that at the trim.
+pub const PEDAL_POWER_RANGE: [f64; 2] = [0.4, 4.0];
+
+impl OffTrim {
+    /// The slopes over the breakpoints of a table.
+    fn of(points: &[LawPoint]) -> Self {
+        let (yaw, pitch) = (Axis::Yaw.index(), Axis::Pitch.index());
+        let (collective, pedal) = (Effector::Collective.index(), Effector::Pedal.index());
+        let mut powers = Vec::with_capacity(points.len());
+        for p in points {
+            let Some(power) = p.inversion.decoupling.try_inverse() else {
+                return Self::default();
+            };
+            let [u, _, w] = p.inversion.trim.velocity_body;
+            powers.push((p.inversion.trim.sticks[collective], u * w, power));
+        }
+        let pitching = |stick: usize| {
+            slope(powers.iter().map(|(_, load, power)| (*load, power[(pitch, stick)])))
+        };
+        Self {
+            pedal_yaw: slope(powers.iter().map(|(col, _, power)| (*col, power[(yaw, pedal)]))),
+            collective_pitch: pitching(collective),
+            pedal_pitch: pitching(pedal),
+        }
+    }
+
+    /// Power of the pedals over yaw, relative to the trim's, at a change of
+    /// collective from it, %.
+    fn pedal_power(&self, inv: &Inversion, collective: f64) -> f64 {
+        let per_power = inv.decoupling[(Effector::Pedal.index(), Axis::Yaw.index())];
+        let [low, high] = PEDAL_POWER_RANGE;
+        (1.0 + self.pedal_yaw * per_power * collective).clamp(low, high)
+    }
+}
+
+/// Slope of the line through points, by least squares; zero where there are
+/// too few, or where the line explains too little.
+fn slope(points: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let count = points.clone().count();
+    if count < LEAST_BREAKPOINTS {
+        return 0.0;
+    }
+    let n = count as f64;
+    let (x, y) = points.clone().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+    let [xx, xy, yy] = points.fold([0.0; 3], |[xx, xy, yy], p| {
+        let (a, b) = (p.0 - x, p.1 - y);
+        [xx + a * a, xy + a * b, yy + b * b]
+    });
+    if xy * xy > LEAST_EXPLAINED * xx * yy { xy / xx } else { 0.0 }
 }
 
 /// Why a table was refused.
@@ -117,12 +202,18 @@ impl LawTable {
                 return Err(LawError::NotFinite(p.speed));
             }
         }
-        Ok(Self { points, settings, turn })
+        let off_trim = OffTrim::of(&points);
+        Ok(Self { points, settings, turn, off_trim })
     }
 
     /// Breakpoints.
     pub fn points(&self) -> &[LawPoint] {
         &self.points
+    }
+
+    /// How the sticks' powers change away from the trims.
+    pub fn off_trim(&self) -> &OffTrim {
+        &self.off_trim
     }
 
     /// The law at a speed: linear between breakpoints, constant beyond.
@@ -241,6 +332,10 @@ pub struct References {
     /// Velocity over the ground in heading axes, forward and to the right,
     /// m/s; `None` under an attitude command.
     pub velocity: Option<[f64; 2]>,
+    /// The velocity commands through their first-order lags alone, without the
+    /// attitude command model and the delay that stand between them and what
+    /// an aircraft can do, m/s; `None` under an attitude command.
+    pub velocity_lag: Option<[f64; 2]>,
 }
 
 /// Places in the history of references.
@@ -275,6 +370,7 @@ pub struct Controller {
     /// Trim velocities u, v at the last step.
     trim_velocity: [f64; 2],
     sticks: [f64; 4],
+    disturbance: [f64; 4],
 }
 
 impl Controller {
@@ -296,7 +392,17 @@ impl Controller {
             model: [0.0; 2],
             trim_velocity: [0.0; 2],
             sticks: [0.0; 4],
+            disturbance: [0.0; 4],
         }
+    }
+
+    /// Adds a disturbance to the held quantities as the gains that hold them see
+    /// them, and nowhere else: φ, θ, heading (the integral of r), V_z (down).
+    /// Rates, inversion and kinematics stay clean. This is where disturbance rejection is defined, and it cannot be
+    /// reached through [`Measurement`]. A port for measurements; it stays until
+    /// it is set again.
+    pub fn disturb(&mut self, outputs: [f64; 4]) {
+        self.disturbance = outputs;
     }
 
     /// The table.
@@ -361,7 +467,16 @@ impl Controller {
         let Some(forward) = p.inversion.allocation.try_inverse() else {
             return;
         };
-        let lacking = forward * Vector4::from_fn(|j, _| sticks[j] - own[j]);
+        // Pedals as the inversion asks for them, at the trim's power.
+        let (col, ped) = (Effector::Collective.index(), Effector::Pedal.index());
+        let (trim, off_trim) = (p.inversion.trim.sticks, self.table.off_trim);
+        let asked = |sticks: [f64; 4]| {
+            let power = off_trim.pedal_power(&p.inversion, sticks[col] - trim[col]);
+            (sticks[ped] - trim[ped]) * power
+        };
+        let pedal = asked(sticks) - asked(own);
+        let lacking =
+            forward * Vector4::from_fn(|j, _| if j == ped { pedal } else { sticks[j] - own[j] });
         for axis in Axis::ALL {
             let i = axis.index();
             let k_i = p.gains[Channel::from(axis).index()].k_i;
@@ -385,6 +500,7 @@ impl Controller {
             yaw_rate: now[2][0],
             vertical_velocity: now[3][0],
             velocity: self.velocity_mode.then_some([now[VELOCITY][0], right]),
+            velocity_lag: self.velocity_mode.then_some(self.velocity_commands),
         }
     }
 
@@ -422,6 +538,7 @@ impl Controller {
         let p = self.table.at((m.airspeed + lead).max(0.0));
         let inv = &p.inversion;
         let trim = inv.trim;
+        let off_trim = self.table.off_trim;
 
         // Outer loop and Eq. 75.
         let blend = self.table.turn_blend(m.airspeed);
@@ -527,12 +644,19 @@ impl Controller {
             m.rates[0] + st / ct * (m.rates[1] * sp + m.rates[2] * cp),
             m.rates[1] * cp - m.rates[2] * sp,
         ];
-        let errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
+        let mut errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
         let mut commanded = Vector4::from_column_slice(&feed);
         let mut nu = Vector4::<f64>::zeros();
         for axis in Axis::ALL {
             let i = axis.index();
-            let k = p.gains[Channel::from(axis).index()];
+            let channel = Channel::from(axis);
+            let k = p.gains[channel.index()];
+            if channel.holds(Gain::Proportional) {
+                errors[i] -= self.disturbance[i];
+            } else {
+                // What is held is the integral of the output.
+                nu[i] -= k.k_i * self.disturbance[i];
+            }
             nu[i] += k.k_p * errors[i] + k.k_i * self.integrals[i];
             if i < 2 {
                 nu[i] += k.k_d * (delayed[i][1] - measured_rate[i]);
@@ -595,9 +719,21 @@ impl Controller {
             }
             self.model = [ideal[rigid::U], ideal[rigid::V]];
         }
+        let mut lifting = 0.0;
         if settings.hybrid_feedforward {
             nu += f_kappa * ideal;
             commanded -= inv.feedback * ideal;
+            // Pitching moment of the lift that the references ask for, with the
+            // tail's load that goes with them. The collective grows together
+            // with the load, so that its moment has half its end value on the
+            // mean; pedals come and go with the load standing.
+            let [ideal_u, ideal_w] = [tv[0] + ideal[rigid::U], tv[2] + ideal[rigid::W]];
+            let load = ideal_u * ideal_w - tv[0] * tv[2];
+            let asked = inv.decoupling * commanded;
+            let collective = asked[Effector::Collective.index()];
+            let pedal = asked[Effector::Pedal.index()] / off_trim.pedal_power(inv, collective);
+            lifting = load
+                * (0.5 * off_trim.collective_pitch * collective + off_trim.pedal_pitch * pedal);
         }
         let change = inv.reference.dynamics * ideal
             + inv.reference.drive * Vector4::from_column_slice(&feed);
@@ -606,7 +742,12 @@ impl Controller {
             self.model[1] += dt * change[1];
         }
 
-        let delta = inv.decoupling * commanded + inv.allocation * nu;
+        let mut delta = inv.decoupling * commanded + inv.allocation * nu;
+        delta -= inv.decoupling.column(Axis::Pitch.index()) * lifting;
+        let (col, ped) = (Effector::Collective.index(), Effector::Pedal.index());
+        let [low, high] = self.stick_limits[col];
+        let collective = (trim.sticks[col] + delta[col]).clamp(low, high) - trim.sticks[col];
+        delta[ped] /= off_trim.pedal_power(inv, collective);
         for j in 0..4 {
             let [low, high] = self.stick_limits[j];
             self.sticks[j] = (trim.sticks[j] + delta[j]).clamp(low, high);
@@ -644,7 +785,7 @@ fn acceleration_per_attitude(inv: &Inversion) -> [f64; 2] {
 
 /// Velocity over the ground: down, and forward and to the right in heading
 /// axes, m/s.
-fn earth_velocity(m: &Measurement) -> (f64, [f64; 2]) {
+pub(crate) fn earth_velocity(m: &Measurement) -> (f64, [f64; 2]) {
     let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
     let [u, v, w] = m.velocity_body;
     let lifted = v * sp + w * cp;
@@ -814,6 +955,109 @@ mod tests {
                         expected[(j, k)]
                     );
                 }
+            }
+        }
+    }
+
+    /// A table whose breakpoints lie on lines: pedals' yaw power over collective,
+    /// and the pitch powers of collective and pedals over u w.
+    fn on_lines() -> LawTable {
+        let t = table();
+        let points = [0.0, 10.0, 20.0, 30.0, 40.0]
+            .map(|speed| {
+                let mut p = t.at(speed);
+                p.speed = speed;
+                let trim = &mut p.inversion.trim;
+                trim.velocity_body = [speed, 0.0, -0.002 * speed * speed];
+                trim.sticks[2] = 40.0 + 0.02 * (speed - 15.0) * (speed - 15.0);
+                let load = trim.velocity_body[0] * trim.velocity_body[2];
+                let mut power = p.inversion.decoupling.try_inverse().unwrap();
+                power[(2, 3)] = 0.001 * (trim.sticks[2] - 25.0);
+                power[(1, 2)] = 0.002 + 1.5e-4 * load;
+                power[(1, 3)] = -5e-5 * load;
+                p.inversion.decoupling = power.try_inverse().unwrap();
+                p
+            })
+            .to_vec();
+        LawTable::new(points, t.settings, t.turn).unwrap()
+    }
+
+    /// The laws of growth are found where the breakpoints show them, and not
+    /// where they do not.
+    #[test]
+    fn growth_of_powers_is_read_off_the_breakpoints() {
+        let found = *on_lines().off_trim();
+        assert_relative_eq!(found.pedal_yaw, 0.001, max_relative = 1e-9);
+        assert_relative_eq!(found.collective_pitch, 1.5e-4, max_relative = 1e-9);
+        assert_relative_eq!(found.pedal_pitch, -5e-5, max_relative = 1e-9);
+        // Three breakpoints show no line, nor do scattered ones.
+        assert_eq!(*table().off_trim(), OffTrim::default());
+        let scattered = [(0.0, 1.0), (1.0, -1.0), (2.0, 1.0), (3.0, -1.0), (4.0, 1.5)];
+        assert_eq!(slope(scattered.into_iter()), 0.0);
+        assert_eq!(slope([(1.0, 2.0); 6].into_iter()), 0.0);
+    }
+
+    /// About the trim the corrections are of second order: halving a deviation
+    /// takes three quarters of their effect, so that the linear law is the one
+    /// that was tuned.
+    #[test]
+    fn off_trim_corrections_are_of_second_order() {
+        let with = on_lines();
+        let mut without = with.clone();
+        without.off_trim = OffTrim::default();
+        let effect = |size: f64| {
+            let sticks = [&with, &without].map(|t| {
+                let p = t.at(20.0);
+                let mut c = Controller::new(t.clone(), 0.01, [[-1e6, 1e6]; 4]);
+                c.step(&calm(at_trim(&p)), &hold(&p));
+                let mut m = at_trim(&p);
+                m.velocity_body[2] += 3.0 * size;
+                m.rates[2] += 0.2 * size;
+                c.step(&calm(m), &hold(&p))
+            });
+            (0..4).map(|j| (sticks[0][j] - sticks[1][j]).abs()).fold(0.0, f64::max)
+        };
+        let (full, half) = (effect(1.0), effect(0.5));
+        assert!(full > 1e-3, "{full}");
+        assert!(half < 0.27 * full, "{half} of {full}");
+    }
+
+    /// Engaged with any sticks, the first step keeps them, with the pedals'
+    /// power changed as well.
+    #[test]
+    fn engaging_keeps_the_sticks_away_from_trim() {
+        let t = on_lines();
+        let p = t.at(20.0);
+        let mut sticks = p.inversion.trim.sticks;
+        for (stick, change) in sticks.iter_mut().zip([1.0, -2.0, -8.0, 5.0]) {
+            *stick += change;
+        }
+        let m = calm(at_trim(&p));
+        let mut c = Controller::new(t.clone(), 0.01, [[-100.0, 100.0]; 4]);
+        c.engage(&m, &hold(&p), sticks);
+        for (got, want) in c.step(&m, &hold(&p)).iter().zip(sticks) {
+            assert!((got - want).abs() < 0.02, "{got} {want}");
+        }
+    }
+
+    /// A disturbance of a held quantity acts where that is held and nowhere else.
+    #[test]
+    fn disturbances_enter_the_errors_alone() {
+        let t = table();
+        let p = t.at(15.0);
+        for axis in Axis::ALL {
+            let mut c = Controller::new(t.clone(), 1e-6, [[-1e6, 1e6]; 4]);
+            let clean = c.step(&calm(at_trim(&p)), &hold(&p));
+            let mut d = [0.0; 4];
+            d[axis.index()] = 1e-3;
+            c.disturb(d);
+            let disturbed = c.step(&calm(at_trim(&p)), &hold(&p));
+            let k = p.gains[Channel::from(axis).index()];
+            // The heading is the integral of the yaw rate.
+            let holding = if axis == Axis::Yaw { k.k_i } else { k.k_p };
+            for j in 0..4 {
+                let expected = -p.inversion.allocation[(j, axis.index())] * holding * 1e-3;
+                assert_relative_eq!(disturbed[j] - clean[j], expected, epsilon = 1e-6);
             }
         }
     }

@@ -7,9 +7,13 @@ use super::{File, Input, Precision, delay_steps};
 const HEADER: &str = include_str!("templates/law.h");
 const SOURCE: &str = include_str!("templates/law.c");
 const HYBRID: &str = include_str!("templates/hybrid.c");
+const LIFT: &str = include_str!("templates/lift.c");
+/// Sticks of commanded and fed-back accelerations.
+const DELTA: &str = "dot(&p[@U@_DECOUPLING + (4u * j)], commanded, 4u)
+            + dot(&p[@U@_ALLOCATION + (4u * j)], nu, 4u)";
 
 /// Constants of the description that the code needs, and their names there.
-pub(super) const CONSTANTS: [(&str, &str); 16] = [
+pub(super) const CONSTANTS: [(&str, &str); 21] = [
     ("KAPPA", "kappa"),
     ("ROLL_FREQUENCY", "roll_frequency"),
     ("PITCH_FREQUENCY", "pitch_frequency"),
@@ -26,6 +30,11 @@ pub(super) const CONSTANTS: [(&str, &str); 16] = [
     ("FORGETTING", "forgetting"),
     ("YAW_LEAD", "yaw_lead"),
     ("SLOW", "slow"),
+    ("PEDAL_YAW_GROWTH", "pedal_yaw_growth"),
+    ("COLLECTIVE_PITCH_GROWTH", "collective_pitch_growth"),
+    ("PEDAL_PITCH_GROWTH", "pedal_pitch_growth"),
+    ("PEDAL_POWER_MIN", "pedal_power_min"),
+    ("PEDAL_POWER_MAX", "pedal_power_max"),
 ];
 
 /// A number as a C constant.
@@ -62,8 +71,9 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         );
     }
     let mut constants = String::new();
-    for (name, key) in CONSTANTS {
-        if let Some(c) = d.constants.iter().find(|c| c.name == key) {
+    let fed = input.schedule.law.hybrid_feedforward;
+    for (name, key) in CONSTANTS.iter().filter(|c| fed || !c.0.ends_with("PITCH_GROWTH")) {
+        if let Some(c) = d.constants.iter().find(|c| c.name == *key) {
             constants += &format!(
                 "static const real {name} = {}; /* {}, {} */\n",
                 real(c.value),
@@ -85,11 +95,25 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         table += "    },\n";
     }
     let suffix = if o.precision == Precision::Float { "f" } else { "" };
-    let hybrid = if input.schedule.law.hybrid_feedforward { HYBRID } else { "" };
+    // Without the hybrid feed-forward nothing of it is written, so that no
+    // compiler finds what is not used.
+    let [hybrid, lift, lifting] = if input.schedule.law.hybrid_feedforward {
+        [HYBRID, LIFT, "    real lifting = @ZERO@;\n"]
+    } else {
+        [""; 3]
+    };
+    let less = if hybrid.is_empty() {
+        ""
+    } else {
+        "\n            - (p[@U@_DECOUPLING + (4u * j) + PITCH] * lifting)"
+    };
     let warnings: Vec<String> = d.warnings.iter().map(|w| format!("WARNING: {w}")).collect();
     let values: Vec<(&str, String)> = vec![
         // First, since it holds keys itself.
         ("HYBRID", hybrid.into()),
+        ("LIFT", lift.into()),
+        ("LIFTING", lifting.into()),
+        ("DELTA", format!("{DELTA}{less}")),
         ("BANNER", comment(&d.banner(), " * ", 96)),
         ("WARNINGS", comment(&warnings, " * ", 96)),
         ("PLACES", places),

@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 
 use crate::control::axis::{Channel, ChannelGains};
 use crate::control::law::{
-    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, SCHEDULE_LEAD, SLOW, YAW_LEAD,
+    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, OUTER_SLOWNESS, OffTrim, PEDAL_POWER_RANGE,
+    SCHEDULE_LEAD, SLOW, YAW_LEAD,
 };
 use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
@@ -307,7 +308,7 @@ pub const FORMS: [Form; 14] = [
 ];
 
 /// Names, units and meanings of the constants, in the order of files.
-const CONSTANTS: [(&str, &str, &str); 30] = [
+const CONSTANTS: [(&str, &str, &str); 35] = [
     ("kappa", "1", "share of the velocity terms of F that feedback cancels"),
     ("hybrid_feedforward", "1", "1 if the rest of them is fed forward from the reference model"),
     ("reference_delay", "s", "delay of the references in the error path"),
@@ -326,6 +327,23 @@ const CONSTANTS: [(&str, &str, &str); 30] = [
     ("forgetting", "s", "time constant of the lateral velocity integral under turn coordination"),
     ("yaw_lead", "1", "the yaw command is led in full at the blend's middle over this"),
     ("slow", "m/s", "forward speed of the trim below which rolling asks for no yaw"),
+    (
+        "pedal_yaw_growth",
+        "rad/s^2 per %^2",
+        "growth of the pedals' power over yaw with collective, from the tables",
+    ),
+    (
+        "collective_pitch_growth",
+        "1/m^2 per %",
+        "growth of the collective's power over pitch with u w, from the tables",
+    ),
+    (
+        "pedal_pitch_growth",
+        "1/m^2 per %",
+        "growth of the pedals' power over pitch with u w, from the tables",
+    ),
+    ("pedal_power_min", "1", "least power of the pedals that is reckoned with, over the trim's"),
+    ("pedal_power_max", "1", "largest power of the pedals that is reckoned with"),
     ("stick_lat_min", "%", "lower limit of the lateral stick"),
     ("stick_lat_max", "%", "upper limit of the lateral stick"),
     ("stick_lon_min", "%", "lower limit of the longitudinal stick"),
@@ -362,7 +380,7 @@ pub(super) fn constant_forms() -> impl Iterator<Item = Constant> {
 
 /// Constants that have a value of their own in every law and are only
 /// repeated for other programs.
-pub const FIXED: [(&str, f64); 8] = [
+pub const FIXED: [(&str, f64); 10] = [
     ("gravity", STANDARD_GRAVITY),
     ("attitude_limit", ATTITUDE_LIMIT),
     ("outer_slowness", OUTER_SLOWNESS),
@@ -371,10 +389,17 @@ pub const FIXED: [(&str, f64); 8] = [
     ("forgetting", FORGETTING),
     ("yaw_lead", YAW_LEAD),
     ("slow", SLOW),
+    ("pedal_power_min", PEDAL_POWER_RANGE[0]),
+    ("pedal_power_max", PEDAL_POWER_RANGE[1]),
 ];
 
+/// Constants that follow from the tables. Programs that run the law need
+/// them; a schedule made of a description reckons them anew.
+pub const DERIVED: [&str; 3] =
+    ["pedal_yaw_growth", "collective_pitch_growth", "pedal_pitch_growth"];
+
 /// How to read and run the tables.
-const RULES: [(&str, &str); 10] = [
+const RULES: [(&str, &str); 11] = [
     (
         "interpolation",
         "element by element, linear in true airspeed: (1 - t) a + t b with \
@@ -414,6 +439,15 @@ const RULES: [(&str, &str); 10] = [
          reference_delay late, less the velocity flown in heading axes; G_theta and G_phi are -(0, \
          theta) and (1, phi) of ground_velocity reference_state reference_dynamics reference_input, \
          gravity where not above half of it",
+    ),
+    (
+        "off_trim",
+        "pedals, as a change from trim_sticks, are divided by 1 + pedal_yaw_growth times \
+         decoupling(ped, r) times the change of collective from trim_sticks, held to \
+         pedal_power_min..pedal_power_max; with hybrid_feedforward, decoupling's column theta \
+         times L (collective_pitch_growth c / 2 + pedal_pitch_growth d) is taken from the sticks, \
+         L being u w of the references less that of the trim, c and d the collective and the \
+         pedals of decoupling (nu_c - F x_ref), d divided as above at c",
     ),
     (
         "yaw",
@@ -480,13 +514,13 @@ impl Description {
     /// A schedule that is no law, or has a constant that no law can have.
     pub fn new(schedule: &Schedule, warnings: Vec<String>) -> Result<Self, DescriptionError> {
         // Sizes, order and finiteness of the tables.
-        schedule.law()?;
+        let off_trim = *schedule.law()?.off_trim();
         let tables = FORMS
             .iter()
             .map(|form| form.table(schedule.points.iter().map(|p| entries(p, form)).collect()))
             .collect();
         let constants = constant_forms()
-            .map(|c| Constant { value: constant(schedule, &c.name), ..c })
+            .map(|c| Constant { value: constant(schedule, &off_trim, &c.name), ..c })
             .collect();
         let description = Self {
             schema: SCHEMA.into(),
@@ -753,7 +787,7 @@ fn entries(point: &Point, form: &Form) -> Vec<Vec<f64>> {
     }
 }
 
-fn constant(schedule: &Schedule, name: &str) -> f64 {
+fn constant(schedule: &Schedule, off_trim: &OffTrim, name: &str) -> f64 {
     let (l, h, s) = (&schedule.law, &schedule.hardware, &schedule.stick_limits);
     match name {
         "kappa" => l.kappa,
@@ -774,6 +808,11 @@ fn constant(schedule: &Schedule, name: &str) -> f64 {
         "forgetting" => FORGETTING,
         "yaw_lead" => YAW_LEAD,
         "slow" => SLOW,
+        "pedal_yaw_growth" => off_trim.pedal_yaw,
+        "collective_pitch_growth" => off_trim.collective_pitch,
+        "pedal_pitch_growth" => off_trim.pedal_pitch,
+        "pedal_power_min" => PEDAL_POWER_RANGE[0],
+        "pedal_power_max" => PEDAL_POWER_RANGE[1],
         "stick_lat_min" => s[0][0],
         "stick_lat_max" => s[0][1],
         "stick_lon_min" => s[1][0],

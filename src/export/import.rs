@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde_json::Value;
 
 use super::csv::Line;
-use super::description::{self, Description, DescriptionError, FIXED, FORMS};
+use super::description::{self, DERIVED, Description, DescriptionError, FIXED, FORMS};
 use super::matlab::{self, MatError, Variable};
 use crate::control::axis::Channel;
 use crate::control::law::LawTable;
@@ -608,6 +608,7 @@ fn complete(
         match (partial.constants.get(&c.name), fixed, &resampled) {
             (Some(given), _, _) => c.value = *given,
             (None, Some(fixed), _) => c.value = fixed,
+            (None, None, _) if DERIVED.contains(&c.name.as_str()) => {}
             (None, None, Some(base)) => {
                 c.value = base.constant(&c.name)?;
                 from_base.insert(c.name.clone());

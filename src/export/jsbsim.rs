@@ -225,6 +225,8 @@ fn law(w: &mut Writer) {
         (constant("outer_slowness"), constant("acceleration_limit"));
     let (lead_limit, forgetting) = (constant("schedule_lead"), constant("forgetting"));
     let (yaw_lead, slow) = (constant("yaw_lead"), constant("slow"));
+    let pedal_yaw = constant("pedal_yaw_growth");
+    let powers = [constant("pedal_power_min"), constant("pedal_power_max")];
     let (turn, width) =
         (w.input.schedule.turn_coordination_speed, w.input.schedule.turn_coordination_width);
     let limits = w.input.schedule.stick_limits;
@@ -715,14 +717,58 @@ fn law(w: &mut Writer) {
         w.set(&format!("model/{name}"), &pick(in_velocity.clone(), ideal[k].clone(), moved));
     }
 
+    w.section("powers of the sticks away from the trim");
+    let (col, ped) = (2, 3);
+    let per_power = w.value("decoupling", ped, 2);
+    // Power of the pedals over yaw, relative to the trim's, at a change of
+    // collective from it.
+    let pedal_power = |collective: X| {
+        let growth = product(&[v(pedal_yaw), per_power.clone(), collective]);
+        held(sum(&[v(1.0), growth]), powers[0], powers[1])
+    };
+    let mut lifting = None;
+    if settings.hybrid_feedforward {
+        // Pitch acceleration of the lift that the references ask for, with the
+        // tail's load.
+        let [forward, down] = [0, 2].map(|k| sum(&[trim_velocity[k].clone(), ideal[k].clone()]));
+        let load = w.set(
+            "off-trim/load-m2_sec2",
+            &minus(
+                product(&[forward, down]),
+                product(&[trim_velocity[0].clone(), trim_velocity[2].clone()]),
+            ),
+        );
+        let x = sum(&w.terms("decoupling", col, &commanded));
+        let collective = w.set("off-trim/col", &x);
+        let x = over(sum(&w.terms("decoupling", ped, &commanded)), pedal_power(collective.clone()));
+        let pedal = w.set("off-trim/ped", &x);
+        let grown = sum(&[
+            product(&[v(0.5 * constant("collective_pitch_growth")), collective]),
+            product(&[v(constant("pedal_pitch_growth")), pedal]),
+        ]);
+        lifting = Some(w.set("off-trim/lifting-rad_sec2", &product(&[load, grown])));
+    }
+
     w.section("inversion, limits and anti-windup");
     let sticks = ["lat", "lon", "col", "ped"];
+    let mut delta = Vec::new();
+    for (j, stick) in sticks.iter().enumerate() {
+        let mut x =
+            sum(&[sum(&w.terms("decoupling", j, &commanded)), sum(&w.terms("allocation", j, &nu))]);
+        if let Some(lifting) = &lifting {
+            x = minus(x, product(&[w.value("decoupling", j, 1), lifting.clone()]));
+        }
+        delta.push(w.set(&format!("change/{stick}"), &x));
+    }
+    let trim_collective = w.value("trim_sticks", col, 0);
+    let collective =
+        held(sum(&[trim_collective.clone(), delta[col].clone()]), limits[col][0], limits[col][1]);
+    let collective = w.set("off-trim/collective", &minus(collective, trim_collective));
+    delta[ped] = over(delta[ped].clone(), pedal_power(collective));
     let mut wanted = Vec::new();
     for (j, stick) in sticks.iter().enumerate() {
-        let mut terms = vec![w.value("trim_sticks", j, 0)];
-        terms.push(sum(&w.terms("decoupling", j, &commanded)));
-        terms.push(sum(&w.terms("allocation", j, &nu)));
-        wanted.push(w.set(&format!("wanted/{stick}"), &sum(&terms)));
+        let x = sum(&[w.value("trim_sticks", j, 0), delta[j].clone()]);
+        wanted.push(w.set(&format!("wanted/{stick}"), &x));
     }
     for (j, stick) in sticks.iter().enumerate() {
         let x = held(wanted[j].clone(), limits[j][0], limits[j][1]);

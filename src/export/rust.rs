@@ -5,6 +5,9 @@ use super::{File, Input, Precision, c, delay_steps};
 
 const SOURCE: &str = include_str!("templates/law.rs.in");
 const HYBRID: &str = include_str!("templates/hybrid.rs.in");
+/// Sticks of commanded and fed-back accelerations.
+const DELTA: &str = "dot(&p[DECOUPLING + 4 * j..], &commanded)
+                + dot(&p[ALLOCATION + 4 * j..], &nu)";
 
 /// The module.
 pub(super) fn files(input: &Input) -> Vec<File> {
@@ -50,9 +53,11 @@ pub(super) fn files(input: &Input) -> Vec<File> {
     // Without it nothing changes the commanded accelerations.
     let fed = input.schedule.law.hybrid_feedforward;
     let (hybrid, commanded) = if fed { (HYBRID, "let mut") } else { ("", "let") };
+    let less = if fed { "\n                - p[DECOUPLING + 4 * j + 1] * lifting" } else { "" };
     let values: Vec<(&str, String)> = vec![
         ("HYBRID", hybrid.into()),
         ("LET", commanded.into()),
+        ("DELTA", format!("{DELTA}{less}")),
         ("BANNER", comment(&d.banner(), "//! ", 96)),
         ("PLACES", places),
         ("CONSTANTS", constants),

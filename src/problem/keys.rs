@@ -481,8 +481,9 @@ static STRIPS: Table = Table {
         default(
             "count",
             Value::Count(1, 1000),
-            "10",
-            "Strips over the span; an odd number is raised to the next even one.",
+            "6",
+            "Strips over the span, at the points of Gauss and Legendre in each half; an odd number \
+             is raised to the next even one.",
         ),
         required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
         default(

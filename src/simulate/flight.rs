@@ -3,7 +3,9 @@
 use super::maneuver::{Held, Input, Maneuver, Mode};
 use super::simulator::{Departure, Options, SimulationError, Simulator};
 use crate::control::axis::Axis;
-use crate::control::law::{Controller, Demand, Horizontal, LawTable, Measurement, References};
+use crate::control::law::{
+    Controller, Demand, Horizontal, LawTable, Measurement, References, earth_velocity,
+};
 use crate::trim::ConvergedTrim;
 use crate::vehicle::{Layout, Vehicle};
 
@@ -48,6 +50,12 @@ pub enum FlightError {
     /// A law is needed.
     #[error("the manoeuvre needs a control law: give a schedule, or mode = \"open_loop\"")]
     NoLaw,
+    /// Rotor speeds are held exactly.
+    #[error(
+        "the engine fails in this manoeuvre, but the vehicle's rotor speeds are no states: give \
+         every rotor a governor"
+    )]
+    NoRotorSpeed,
 }
 
 /// A law and the sticks that it may use.
@@ -64,8 +72,9 @@ pub struct Autopilot {
 pub enum Excitation {
     /// On a stick, behind the law.
     Stick(Input),
-    /// On the measured bank or pitch alone, the rates left clean.
-    Measurement(Axis, Input),
+    /// On a held quantity, φ, θ, heading or V_z (down), as the gains that hold it
+    /// see it, and nowhere else.
+    Output(Axis, Input),
     /// On the commanded bank or pitch, under attitude commands.
     Command(Axis, Input),
 }
@@ -88,6 +97,9 @@ pub struct Flight<'a> {
     trim_sticks: [f64; 4],
     held: Held,
     demand: Option<Demand>,
+    measurement: Option<Measurement>,
+    /// Integral of the measured yaw rate, rad: the heading that the law holds.
+    turned: f64,
     sticks: [f64; 4],
 }
 
@@ -111,6 +123,10 @@ impl<'a> Flight<'a> {
             heading: maneuver.start.heading,
             ..options.clone()
         };
+        if maneuver.engine_out.is_some() && vehicle.layout.rotors.iter().any(|r| r.speed.is_none())
+        {
+            return Err(FlightError::NoRotorSpeed);
+        }
         let simulator = Simulator::new(vehicle, start, &options)?;
         let trim = start.point();
         let mut mean = trim.mean_state.clone();
@@ -144,6 +160,8 @@ impl<'a> Flight<'a> {
             trim_sticks: trim.sticks,
             held,
             demand: None,
+            measurement: None,
+            turned: 0.0,
             sticks: trim.sticks,
         })
     }
@@ -151,14 +169,19 @@ impl<'a> Flight<'a> {
     /// Measures, and gives the sticks of this period.
     pub fn decide(&mut self) {
         let time = self.simulator.time();
-        let mut measurement = self.simulator.measure();
+        let measurement = self.simulator.measure();
+        self.measurement = Some(measurement);
+        self.turned += measurement.rates[2] * self.simulator.period();
         self.demand = self.maneuver.demand(time, &self.held);
         match self.excitation {
-            Some(Excitation::Measurement(axis, input)) => {
+            Some(Excitation::Output(axis, input)) => {
                 let added = input.at(time);
-                let angle = attitude(&mut measurement, axis);
-                *angle += added;
-                self.probe = [added, *angle];
+                let mut disturbance = [0.0; 4];
+                disturbance[axis.index()] = added;
+                if let Some(controller) = &mut self.controller {
+                    controller.disturb(disturbance);
+                }
+                self.probe = [added, self.held_quantity(&measurement, axis) + added];
             }
             Some(Excitation::Command(axis, input)) => {
                 let added = input.at(time);
@@ -167,7 +190,7 @@ impl<'a> Flight<'a> {
                 {
                     *(if axis == Axis::Roll { roll } else { pitch }) += added;
                 }
-                self.probe = [added, *attitude(&mut measurement, axis)];
+                self.probe = [added, self.held_quantity(&measurement, axis)];
             }
             _ => {}
         }
@@ -193,6 +216,9 @@ impl<'a> Flight<'a> {
     /// # Errors
     /// How the flight ended, if it ended before its time.
     pub fn advance(&mut self) -> Result<(), Status> {
+        if self.maneuver.engine_out.is_some_and(|time| self.simulator.time() >= time) {
+            self.simulator.fail_engine();
+        }
         self.simulator.advance(self.sticks).map_err(Status::Diverged)?;
         self.limits().map_or(Ok(()), |departure| Err(Status::Limit(departure)))
     }
@@ -262,6 +288,12 @@ impl<'a> Flight<'a> {
         self.controller.as_ref().map(Controller::references)
     }
 
+    /// What the sensors said at the last decision.
+    #[must_use]
+    pub fn measurement(&self) -> Option<Measurement> {
+        self.measurement
+    }
+
     /// Sticks lat, lon, col, ped of the last decision, %.
     #[must_use]
     pub fn sticks(&self) -> [f64; 4] {
@@ -269,11 +301,22 @@ impl<'a> Flight<'a> {
     }
 
     /// Input and output of the excitation at the last decision: on a stick, what
-    /// goes to the actuators and what the law gave, %; on an attitude or its
-    /// command, what was added and the measured attitude, rad.
+    /// goes to the actuators and what the law gave, %; on a held quantity or a
+    /// command, what was added and the held quantity, the disturbance
+    /// included, rad or m/s.
     #[must_use]
     pub fn probe(&self) -> [f64; 2] {
         self.probe
+    }
+
+    /// What an axis holds, as measured: φ, θ, heading or V_z.
+    fn held_quantity(&self, m: &Measurement, axis: Axis) -> f64 {
+        match axis {
+            Axis::Roll => m.roll,
+            Axis::Pitch => m.pitch,
+            Axis::Yaw => self.turned,
+            Axis::Heave => earth_velocity(m).0,
+        }
     }
 
     /// What is held where nothing is commanded.
@@ -281,9 +324,4 @@ impl<'a> Flight<'a> {
     pub fn held(&self) -> &Held {
         &self.held
     }
-}
-
-/// The measured attitude of an axis: pitch, or else bank.
-fn attitude(measurement: &mut Measurement, axis: Axis) -> &mut f64 {
-    if axis == Axis::Pitch { &mut measurement.pitch } else { &mut measurement.roll }
 }

@@ -6,21 +6,27 @@
 //!
 //! * sweep on a stick: the loop cut there, L = −(what the law gives)/(what
 //!   goes to the actuators);
-//! * sweep on a measured attitude: the sensitivity S, (measured attitude)/(what
-//!   was added);
+//! * sweep on a held quantity (φ, θ, heading, V_z) as the gains that hold it see
+//!   it: the sensitivity S, (that quantity, disturbance included)/(what was
+//!   added);
 //! * sweep on an attitude command: attitude per command.
+//!
+//! The flights with sweeps on the sticks also give the aircraft alone, without
+//! the law, as if the loop were broken: in each of them all sticks move, one by
+//! the sweep and the others by the law, and four such flights tell the effects
+//! of the four sticks apart (the joint input–output method).
 //!
 //! Nothing of the tuning chain is used: no linear model, no Padé
 //! approximation, no continuous-time law.
 
 use super::flight::{Autopilot, Excitation, Flight, FlightError, Status};
-use super::maneuver::{Input, InputShape, Limits, Maneuver, Mode, Start};
+use super::maneuver::{Input, InputShape, Maneuver, Mode};
 use super::simulator::Options;
-use super::wind::Weather;
 use crate::control::axis::Axis;
 use crate::control::metrics::{self, Bandwidth, Margins, Rejection, Sampled};
 use crate::trim::ConvergedTrim;
 use crate::vehicle::Vehicle;
+use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -31,7 +37,7 @@ use std::f64::consts::TAU;
 pub enum Probe {
     /// The loop cut at the axis's stick.
     Loop,
-    /// The sensitivity of the measured attitude; roll and pitch only.
+    /// The sensitivity of the held quantity.
     Sensitivity,
     /// Attitude per command; roll and pitch only.
     Command,
@@ -46,8 +52,9 @@ pub struct Sweep {
     pub duration: f64,
     /// Time for all to settle afterwards, s.
     pub settling: f64,
-    /// Attitude amplitude, rad, of sweeps on attitudes and commands.
-    pub attitude: f64,
+    /// Amplitudes of sweeps on held quantities and commands: φ, θ, heading,
+    /// rad; V_z, m/s.
+    pub held: [f64; 4],
     /// Acceleration amplitudes of sweeps on sticks: rad/s² in roll, pitch and
     /// yaw, m/s² in heave; the inversion turns them into stick travel.
     pub acceleration: [f64; 4],
@@ -61,9 +68,9 @@ impl Default for Sweep {
             frequencies: [0.2, 20.0],
             duration: 160.0,
             settling: 40.0,
-            attitude: 1.5f64.to_radians(),
+            held: [1.5f64.to_radians(), 1.5f64.to_radians(), 1.5f64.to_radians(), 0.3],
             acceleration: [0.06, 0.06, 0.04, 0.25],
-            points: 60,
+            points: 120,
         }
     }
 }
@@ -140,6 +147,150 @@ pub enum IdentifyError {
         /// When, s.
         time: f64,
     },
+    /// A flight without a sweep did not last.
+    #[error("the flight with a small step did not last: {state} left its bounds at {time:.1} s")]
+    Departed {
+        /// State that left its bounds.
+        state: String,
+        /// When, s.
+        time: f64,
+    },
+    /// The linear model cannot be integrated.
+    #[error("the linear model grows beyond all numbers within a step")]
+    NotFinite,
+}
+
+/// What went in and out of the aircraft during a sweep, one value a control
+/// period.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Record {
+    /// Sticks lat, lon, col, ped as they go to the actuators, %.
+    pub sticks: [Vec<f64>; 4],
+    /// u v w p q r φ θ as measured.
+    pub states: [Vec<f64>; 8],
+}
+
+/// The aircraft's measured responses to its sticks, hardware included.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PlantResponse {
+    /// Frequencies, rad/s.
+    pub omega: Vec<f64>,
+    /// Responses of u v w p q r φ θ per stick, at each frequency.
+    pub value: Vec<[[Complex64; 4]; 8]>,
+    /// Multiple coherence of each state, 0 to 1: how much of it the sticks
+    /// explain.
+    pub coherence: Vec<[f64; 8]>,
+}
+
+impl PlantResponse {
+    /// One element, with the coherence of its state.
+    #[must_use]
+    pub fn element(&self, state: usize, stick: usize) -> Response {
+        Response {
+            omega: self.omega.clone(),
+            value: self.value.iter().map(|m| m[state][stick]).collect(),
+            coherence: self.coherence.iter().map(|c| c[state]).collect(),
+        }
+    }
+}
+
+/// The aircraft's responses from flights in which the sticks moved in
+/// independent ways, at least four: G = S_xu S_uu⁻¹ over all flights and
+/// neighbouring lines of the spectra.
+#[must_use]
+pub fn plant(records: &[Record], step: f64, frequencies: [f64; 2], points: usize) -> PlantResponse {
+    let spectra: Vec<(Vec<Vec<Complex64>>, Vec<Vec<Complex64>>)> = records
+        .iter()
+        .map(|record| {
+            let of = |signals: &[Vec<f64>]| signals.iter().map(|s| spectrum(s)).collect();
+            (of(&record.sticks), of(&record.states))
+        })
+        .collect();
+    let n = records.iter().map(|r| r.sticks[0].len()).min().unwrap_or(0);
+    let mut found = PlantResponse::default();
+    for (middle, half) in bands(n, step, frequencies, points) {
+        let mut uu = Matrix4::<Complex64>::zeros();
+        let mut xu = [Vector4::<Complex64>::zeros(); 8];
+        let mut xx = [0.0; 8];
+        for (sticks, states) in &spectra {
+            for m in middle - half..=middle + half {
+                let u = Vector4::from_fn(|j, _| sticks[j][m]);
+                uu += u * u.adjoint();
+                for (k, state) in states.iter().enumerate() {
+                    xu[k] += u.map(|u| u.conj()) * state[m];
+                    xx[k] += state[m].norm_sqr();
+                }
+            }
+        }
+        // S_uu is Hermitian: its conjugate is its transpose.
+        let Some(inverse) = uu.transpose().try_inverse() else { continue };
+        let rows = xu.map(|x| inverse * x);
+        found.omega.push(TAU * middle as f64 / (n as f64 * step));
+        found.value.push(rows.map(|row| [0, 1, 2, 3].map(|j| row[j])));
+        found.coherence.push(std::array::from_fn(|k| {
+            let explained: Complex64 = (0..4).map(|j| rows[k][j] * xu[k][j].conj()).sum();
+            if xx[k] > 0.0 { (explained.re / xx[k]).clamp(0.0, 1.0) } else { 0.0 }
+        }));
+    }
+    found
+}
+
+/// Cost of the mismatch of a measured response and a predicted one over the
+/// measured points: J = 20/n Σ W_γ (ΔdB² + 0.01745 Δdeg²), W_γ = (1.58 (1 −
+/// e^(−γ²)))². Up to 100 is held acceptable and up to 50 nearly perfect
+/// (Tischler and Remple, Aircraft and Rotorcraft System Identification). `None`
+/// without a point.
+#[must_use]
+pub fn mismatch(measured: &Response, predicted: impl Fn(f64) -> Complex64) -> Option<f64> {
+    let n = measured.omega.len();
+    let sum: f64 = measured
+        .omega
+        .iter()
+        .zip(&measured.value)
+        .zip(&measured.coherence)
+        .map(|((omega, value), coherence)| {
+            let ratio = value / predicted(*omega);
+            let (db, degrees) = (20.0 * ratio.norm().log10(), ratio.arg().to_degrees());
+            let weight = (1.58 * (1.0 - (-coherence * coherence).exp())).powi(2);
+            weight * (db * db + 0.01745 * degrees * degrees)
+        })
+        .sum();
+    (n > 0).then(|| 20.0 * sum / n as f64)
+}
+
+/// Spectrum of a signal without its mean and its drift from one end to the
+/// other.
+fn spectrum(signal: &[f64]) -> Vec<Complex64> {
+    let n = signal.len();
+    let (first, last) = (signal[0], signal[n - 1]);
+    let mut values: Vec<Complex64> = signal
+        .iter()
+        .enumerate()
+        .map(|(k, x)| {
+            let t = k as f64 / (n - 1) as f64;
+            Complex64::new(x - (1.0 - t) * first - t * last, 0.0)
+        })
+        .collect();
+    FftPlanner::new().plan_fft_forward(n).process(&mut values);
+    values
+}
+
+/// Lines of a spectrum of `n` samples to average: the middle one and how many
+/// either way, for frequencies evenly spaced in the logarithm.
+fn bands(n: usize, step: f64, frequencies: [f64; 2], points: usize) -> Vec<(usize, usize)> {
+    let line = TAU / (n as f64 * step);
+    let ratio = (frequencies[1] / frequencies[0]).ln();
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    for k in 0..points {
+        let omega = frequencies[0] * (ratio * k as f64 / (points.max(2) - 1) as f64).exp();
+        let middle = (omega / line).round() as usize;
+        let half = ((BAND * omega / line) as usize).max(LINES);
+        let inside = middle > half && middle + half < n / 2;
+        if inside && found.last().is_none_or(|last| middle > last.0) {
+            found.push((middle, half));
+        }
+    }
+    found
 }
 
 /// Response of `output` to `input`, both sampled every `step` s and at rest at
@@ -156,42 +307,18 @@ pub fn response(
     points: usize,
 ) -> Response {
     let n = input.len().min(output.len());
-    let mut planner = FftPlanner::new();
-    let transform = planner.plan_fft_forward(n);
-    let spectrum = |signal: &[f64]| {
-        // Without the mean and the drift from one end to the other.
-        let (first, last) = (signal[0], signal[n - 1]);
-        let mut values: Vec<Complex64> = signal[..n]
-            .iter()
-            .enumerate()
-            .map(|(k, x)| {
-                let t = k as f64 / (n - 1) as f64;
-                Complex64::new(x - (1.0 - t) * first - t * last, 0.0)
-            })
-            .collect();
-        transform.process(&mut values);
-        values
-    };
-    let (u, y) = (spectrum(input), spectrum(output));
+    let (u, y) = (spectrum(&input[..n]), spectrum(&output[..n]));
     let line = TAU / (n as f64 * step);
     let mut found = Response { omega: Vec::new(), value: Vec::new(), coherence: Vec::new() };
-    let ratio = (frequencies[1] / frequencies[0]).ln();
-    for k in 0..points {
-        let omega = frequencies[0] * (ratio * k as f64 / (points.max(2) - 1) as f64).exp();
-        let middle = (omega / line).round() as usize;
-        let half = ((BAND * omega / line) as usize).max(LINES);
-        if middle <= half || middle + half >= n / 2 {
-            continue;
-        }
+    for (middle, half) in bands(n, step, frequencies, points) {
         let (mut uu, mut yy, mut uy) = (0.0, 0.0, Complex64::new(0.0, 0.0));
         for m in middle - half..=middle + half {
             uu += u[m].norm_sqr();
             yy += y[m].norm_sqr();
             uy += u[m].conj() * y[m];
         }
-        let at = middle as f64 * line;
-        if uu > 0.0 && yy > 0.0 && found.omega.last().is_none_or(|last| at > *last) {
-            found.omega.push(at);
+        if uu > 0.0 && yy > 0.0 {
+            found.omega.push(middle as f64 * line);
             found.value.push(uy / uu);
             found.coherence.push(uy.norm_sqr() / (uu * yy));
         }
@@ -199,7 +326,8 @@ pub fn response(
     found
 }
 
-/// Measures one response in flight from a trim.
+/// Measures one response in flight from a trim; also what went in and out of
+/// the aircraft.
 ///
 /// # Errors
 /// Options that make no sense, or a flight that leaves its bounds.
@@ -211,7 +339,7 @@ pub fn measure(
     sweep: &Sweep,
     axis: Axis,
     probe: Probe,
-) -> Result<Response, IdentifyError> {
+) -> Result<(Response, Record), IdentifyError> {
     let maneuver = hold(start, sweep);
     let stick = axis.effector().index();
     let amplitude = match probe {
@@ -220,7 +348,7 @@ pub fn measure(
             let decoupling = point.inversion.decoupling[(stick, axis.index())];
             decoupling.abs() * sweep.acceleration[axis.index()]
         }
-        _ => sweep.attitude,
+        _ => sweep.held[axis.index()],
     };
     let input = Input {
         stick,
@@ -235,14 +363,24 @@ pub fn measure(
     let mut flight = Flight::new(vehicle, start, Some(law), &maneuver, options)?;
     flight.excitation = Some(match probe {
         Probe::Loop => Excitation::Stick(input),
-        Probe::Sensitivity => Excitation::Measurement(axis, input),
+        Probe::Sensitivity => Excitation::Output(axis, input),
         Probe::Command => Excitation::Command(axis, input),
     });
-    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
+    let (mut inputs, mut outputs, mut record) = (Vec::new(), Vec::new(), Record::default());
     let status = flight.fly(|flight| {
         let [input, output] = flight.probe();
         inputs.push(input);
         outputs.push(output);
+        if let (Probe::Loop, Some(m)) = (probe, flight.measurement()) {
+            for (signal, value) in record.sticks.iter_mut().zip(flight.sticks()) {
+                signal.push(value);
+            }
+            let ([u, v, w], [p, q, r]) = (m.velocity_body, m.rates);
+            for (signal, value) in record.states.iter_mut().zip([u, v, w, p, q, r, m.roll, m.pitch])
+            {
+                signal.push(value);
+            }
+        }
     });
     if let Status::Diverged(departure) | Status::Limit(departure) = status {
         return Err(IdentifyError::Ended { axis, state: departure.state, time: departure.time });
@@ -254,7 +392,7 @@ pub fn measure(
             *value = -*value;
         }
     }
-    Ok(found)
+    Ok((found, record))
 }
 
 /// Everything that can be measured of an axis.
@@ -264,7 +402,9 @@ pub struct Measured {
     pub axis: Axis,
     /// The loop cut at its stick.
     pub cut: Response,
-    /// Sensitivity of the attitude, in roll and pitch.
+    /// What went in and out of the aircraft meanwhile.
+    pub record: Record,
+    /// Sensitivity of the held quantity.
     pub sensitivity: Option<Response>,
     /// Attitude per command, in roll and pitch.
     pub command: Option<Response>,
@@ -289,21 +429,27 @@ pub fn measure_axes(
             let probes: &[Probe] = if attitude {
                 &[Probe::Loop, Probe::Sensitivity, Probe::Command]
             } else {
-                &[Probe::Loop]
+                &[Probe::Loop, Probe::Sensitivity]
             };
             probes.iter().map(move |&probe| (axis, probe))
         })
         .collect();
-    let found: Vec<Response> = jobs
+    let found: Vec<(Response, Record)> = jobs
         .par_iter()
         .map(|&(axis, probe)| measure(vehicle, start, law, options, sweep, axis, probe))
         .collect::<Result<_, _>>()?;
     let mut list: Vec<Measured> = Vec::new();
-    for ((axis, probe), response) in jobs.into_iter().zip(found) {
+    for ((axis, probe), (response, record)) in jobs.into_iter().zip(found) {
         match (probe, list.last_mut()) {
             (Probe::Sensitivity, Some(last)) => last.sensitivity = Some(response),
             (Probe::Command, Some(last)) => last.command = Some(response),
-            _ => list.push(Measured { axis, cut: response, sensitivity: None, command: None }),
+            _ => list.push(Measured {
+                axis,
+                cut: response,
+                record,
+                sensitivity: None,
+                command: None,
+            }),
         }
     }
     Ok(list)
@@ -311,26 +457,60 @@ pub fn measure_axes(
 
 /// Attitude hold from a trim, for as long as a sweep takes.
 fn hold(start: &ConvergedTrim, sweep: &Sweep) -> Maneuver {
-    Maneuver {
-        title: "frequency sweep".into(),
-        duration: 1.0 + sweep.duration + sweep.settling,
-        mode: Mode::Attitude,
-        start: Start { condition: start.point().condition, height: 100.0, heading: 0.0 },
-        velocity: [None, None],
-        climb_rate: None,
-        turn_rate: None,
-        attitude: [None, None],
-        inputs: Vec::new(),
-        weather: Weather::default(),
-        noise: Default::default(),
-        limits: Limits::default(),
-    }
+    let duration = 1.0 + sweep.duration + sweep.settling;
+    Maneuver::hold(start.point().condition, Mode::Attitude, duration)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+
+    /// Four flights in which all sticks move together still tell their effects
+    /// apart, as long as they move in different ways.
+    #[test]
+    fn plant_of_a_known_static_system() {
+        let gain = |k: usize, j: usize| 0.3 + k as f64 - 0.7 * j as f64;
+        let step = 0.02;
+        let records: Vec<Record> = (0..4)
+            .map(|flight| {
+                let mut record = Record::default();
+                for t in 0..8000 {
+                    let sweep = |stick: usize, start: f64| {
+                        let shape = InputShape::Sweep(0.3, 12.0, 120.0);
+                        Input { stick, shape, start, amplitude: 1.0 }.at(step * f64::from(t))
+                    };
+                    // The law moves the others as well, late.
+                    let sticks: [f64; 4] = std::array::from_fn(|j| {
+                        if j == flight { sweep(j, 1.0) } else { 0.4 * sweep(j, 1.3) }
+                    });
+                    for (signal, value) in record.sticks.iter_mut().zip(sticks) {
+                        signal.push(value);
+                    }
+                    for (k, signal) in record.states.iter_mut().enumerate() {
+                        signal.push((0..4).map(|j| gain(k, j) * sticks[j]).sum());
+                    }
+                }
+                record
+            })
+            .collect();
+        let found = plant(&records, step, [0.5, 10.0], 20);
+        assert!(found.omega.len() > 15);
+        for (k, j) in (0..8).flat_map(|k| (0..4).map(move |j| (k, j))) {
+            let element = found.element(k, j);
+            for (value, coherence) in element.value.iter().zip(&element.coherence) {
+                assert_relative_eq!(value.re, gain(k, j), epsilon = 1e-6);
+                assert_relative_eq!(value.im, 0.0, epsilon = 1e-6);
+                assert!(*coherence > 0.999_999);
+            }
+            let exact = |_| Complex64::new(gain(k, j), 0.0);
+            assert!(mismatch(&element, exact).unwrap() < 1e-6);
+        }
+        // Two decibels everywhere cost 20 · 0.9975 · 4 at full coherence.
+        let off = |_| Complex64::new(gain(1, 0) * 10f64.powf(0.1), 0.0);
+        let cost = mismatch(&found.element(1, 0), off).unwrap();
+        assert_relative_eq!(cost, 80.0, max_relative = 0.01);
+    }
 
     /// A sweep through a known second-order system gives its response, with
     /// full coherence; noise that has nothing to do with it lowers that.

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 /// Built-in manoeuvres, by name.
-pub const BUILTIN: [(&str, &str); 9] = [
+pub const BUILTIN: [(&str, &str); 10] = [
     ("accel-climb-turn", include_str!("../../problems/maneuvers/accel-climb-turn.toml")),
     ("hover-turbulence", include_str!("../../problems/maneuvers/hover-turbulence.toml")),
     ("hover-turn", include_str!("../../problems/maneuvers/hover-turn.toml")),
@@ -25,6 +25,7 @@ pub const BUILTIN: [(&str, &str); 9] = [
     ("accel-decel", include_str!("../../problems/maneuvers/accel-decel.toml")),
     ("sidestep", include_str!("../../problems/maneuvers/sidestep.toml")),
     ("vertical", include_str!("../../problems/maneuvers/vertical.toml")),
+    ("engine-out", include_str!("../../problems/maneuvers/engine-out.toml")),
     ("lateral-doublet", include_str!("../../problems/maneuvers/lateral-doublet.toml")),
 ];
 
@@ -187,6 +188,8 @@ pub struct Maneuver {
     pub turn_rate: Option<Profile>,
     /// Change of bank and pitch from the start, rad.
     pub attitude: [Option<Profile>; 2],
+    /// When the engine fails, s.
+    pub engine_out: Option<f64>,
     /// Pilot's inputs.
     pub inputs: Vec<Input>,
     /// Moving air.
@@ -209,6 +212,26 @@ pub struct Held {
 }
 
 impl Maneuver {
+    /// Everything held for a time, s, as in trimmed flight, in calm air.
+    #[must_use]
+    pub fn hold(condition: FlightCondition, mode: Mode, duration: f64) -> Self {
+        Self {
+            title: "hold".into(),
+            duration,
+            mode,
+            start: Start { condition, height: 100.0, heading: 0.0 },
+            velocity: [None, None],
+            climb_rate: None,
+            turn_rate: None,
+            attitude: [None, None],
+            engine_out: None,
+            inputs: Vec::new(),
+            weather: Weather::default(),
+            noise: SensorNoise::default(),
+            limits: Limits::default(),
+        }
+    }
+
     /// What is asked of the law at a time; `None` in open loop.
     #[must_use]
     pub fn demand(&self, time: f64, held: &Held) -> Option<Demand> {
@@ -563,6 +586,13 @@ pub static ROOT: Table = Table {
         ),
         default("start", Value::Table(&START), "{}", "Where it starts."),
         optional("commands", Value::Table(&COMMANDS), "everything is held", "Commands."),
+        optional(
+            "engine_out",
+            Value::Quantity(Kind::Time, TIMES),
+            "it runs",
+            "When the engine fails: from then on the rotors turn by what the air does to them. \
+             Their speeds must be states, as with a governor.",
+        ),
         optional("inputs", Value::Named(&INPUT, "input"), "none", "Pilot's inputs."),
         optional("wind", Value::Table(&WIND), "still air", "Steady wind."),
         optional("turbulence", Value::Table(&TURBULENCE), "none", "Turbulence."),
@@ -745,6 +775,7 @@ fn build(root: &CheckedTable, reader: &mut Reader) -> Option<Maneuver> {
         climb_rate,
         turn_rate,
         attitude,
+        engine_out: root.number("engine_out"),
         inputs,
         weather: Weather {
             wind,

@@ -134,6 +134,10 @@ pub struct Metrics {
     pub end: End,
     /// Errors against the references of the law.
     pub tracking: Vec<Tracking>,
+    /// Errors of the velocities against first-order lags of their commands
+    /// alone, without what the attitude command model and the delay take:
+    /// under velocity commands.
+    pub command_lag: Vec<Tracking>,
     /// Error of the heading rate while the commanded one has stood for two
     /// and a half seconds and is not zero, mean over a revolution, rad/s.
     pub steady_turn_rate_error_rad_s: Option<f64>,
@@ -199,6 +203,7 @@ const CHANNELS: [(&str, &str); 6] = [
 #[derive(Debug, Clone)]
 pub struct Meter {
     tracking: [Sum; CHANNELS.len()],
+    command_lag: [Sum; 2],
     turn: f64,
     turn_seen: bool,
     standing: (f64, f64),
@@ -236,6 +241,7 @@ impl Meter {
         let turning = (simulator.airspeed() * held.turn_rate / STANDARD_GRAVITY).atan();
         Self {
             tracking: [Sum::default(); CHANNELS.len()],
+            command_lag: [Sum::default(); 2],
             turn: 0.0,
             turn_seen: false,
             standing: (f64::NAN, 0.0),
@@ -274,6 +280,10 @@ impl Meter {
             {
                 add(0, forward - x);
                 add(1, right - y);
+            }
+            if let Some([x, y]) = reference.velocity_lag {
+                self.command_lag[0].add(time, forward - x);
+                self.command_lag[1].add(time, right - y);
             }
             add(2, reference.vertical_velocity - down);
             add(3, state[body.roll] - reference.roll);
@@ -342,15 +352,18 @@ impl Meter {
             maneuver.attitude[1].is_some(),
             maneuver.turn_rate.is_some() || self.turn_start != 0.0,
         ];
-        let tracking = CHANNELS
-            .iter()
-            .zip(&self.tracking)
-            .zip(commanded)
-            .filter_map(|(((channel, unit), sum), commanded)| {
-                let size = sum.size()?;
-                Some(Tracking { channel: (*channel).into(), unit, commanded, size })
-            })
-            .collect();
+        let listed = |sums: &[Sum]| -> Vec<Tracking> {
+            CHANNELS
+                .iter()
+                .zip(sums)
+                .zip(commanded)
+                .filter_map(|(((channel, unit), sum), commanded)| {
+                    let size = sum.size()?;
+                    Some(Tracking { channel: (*channel).into(), unit, commanded, size })
+                })
+                .collect()
+        };
+        let (tracking, command_lag) = (listed(&self.tracking), listed(&self.command_lag));
         let rate_limit = simulator.options().pitch_rate_limit;
         let actuators: Vec<ActuatorUse> = simulator
             .actuators()
@@ -381,6 +394,7 @@ impl Meter {
                 bound: departure.map(|d| d.bound).filter(|b| b.is_finite()),
             },
             tracking,
+            command_lag,
             steady_turn_rate_error_rad_s: self.turn_seen.then_some(self.turn),
             coordinated_bank_error_rad: self.bank.size(),
             roll_peak_rad: self.attitude[0],

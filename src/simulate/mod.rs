@@ -9,6 +9,7 @@
 //! * [`record`]: what a flight leaves behind, row by row.
 //! * [`metrics`]: what a flight amounts to.
 //! * [`identify`]: frequency responses measured in flight.
+//! * [`steps`]: small steps, flown and predicted.
 //! * [`montecarlo`]: many flights with the aircraft and the air varied.
 
 pub mod equipment;
@@ -19,6 +20,7 @@ pub mod metrics;
 pub mod montecarlo;
 pub mod record;
 pub mod simulator;
+pub mod steps;
 pub mod wind;
 
 pub use flight::{Flight, Status};

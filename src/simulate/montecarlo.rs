@@ -5,7 +5,11 @@
 //! Run k of n with a seed is the same whichever other runs are flown, by
 //! whichever machine.
 
-use crate::problem::Problem;
+use super::maneuver::Maneuver;
+use super::wind::{Gust, GustShape, Turbulence};
+use crate::problem::{Governor, Problem};
+use crate::units::{FOOT, KNOT};
+use crate::vehicle::{Vehicle, VehicleError};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -26,7 +30,20 @@ pub struct Variation {
     pub delay: f64,
     /// Wind at 20 ft that sets the turbulence, m/s, if not the manoeuvre's.
     pub turbulence: Option<f64>,
+    /// Factor on the inflow that rotors induce in one another.
+    pub inflow: f64,
+    /// A discrete gust on top of the manoeuvre's own, velocity of the air
+    /// forward, to starboard and up, m/s; none where all are zero.
+    pub gust: [f64; 3],
+    /// Time constant of a governor given to every rotor, s; none keeps the
+    /// problem's.
+    pub governor: Option<f64>,
 }
+
+/// When the gust of a variation is met, as a share of the manoeuvre.
+pub const GUST_TIME: f64 = 0.5;
+/// Length of its rise, m: 100 ft.
+pub const GUST_LENGTH: f64 = 30.48;
 
 impl Default for Variation {
     fn default() -> Self {
@@ -37,6 +54,9 @@ impl Default for Variation {
             center_of_gravity: 0.0,
             delay: 0.0,
             turbulence: None,
+            inflow: 1.0,
+            gust: [0.0; 3],
+            governor: None,
         }
     }
 }
@@ -56,7 +76,41 @@ impl Variation {
         if let Some(on) = self.interactions {
             problem.inflow.interactions = on;
         }
+        if let Some(time_constant) = self.governor {
+            for rotor in &mut problem.rotors {
+                rotor.governor = Some(Governor { time_constant });
+            }
+        }
         problem
+    }
+
+    /// The vehicle of the problem, varied.
+    ///
+    /// # Errors
+    /// A problem of which no vehicle can be built.
+    pub fn vehicle(&self, problem: &Problem) -> Result<Vehicle, VehicleError> {
+        let mut vehicle = Vehicle::new(&self.apply(problem))?;
+        vehicle.interference_gain = self.inflow;
+        Ok(vehicle)
+    }
+
+    /// The manoeuvre in the varied air.
+    #[must_use]
+    pub fn fly_in(&self, maneuver: &Maneuver) -> Maneuver {
+        let mut maneuver = maneuver.clone();
+        if let Some(wind_at_20_ft) = self.turbulence {
+            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft });
+        }
+        if self.gust != [0.0; 3] {
+            let [forward, right, up] = self.gust;
+            maneuver.weather.gusts.push(Gust {
+                time: GUST_TIME * maneuver.duration,
+                length: GUST_LENGTH,
+                velocity: [forward, right, -up],
+                shape: GustShape::Hold,
+            });
+        }
+        maneuver
     }
 }
 
@@ -75,23 +129,31 @@ pub struct Ranges {
     /// Largest wind at 20 ft for turbulence, m/s; zero keeps the manoeuvre's
     /// own.
     pub turbulence: f64,
+    /// Inflow that rotors induce in one another off nominal, either way, as a
+    /// fraction.
+    pub inflow: f64,
+    /// Largest component of a discrete gust, either way, m/s.
+    pub gust: f64,
 }
 
 impl Default for Ranges {
-    /// 10 % of mass and inertia, one inch, 10 ms, light turbulence (15 kt).
+    /// 10 % of mass and inertia, one inch, 10 ms, light turbulence (15 kt), 20 %
+    /// of inflow, gusts of up to 5 ft/s in each direction.
     fn default() -> Self {
         Self {
             mass: 0.1,
             inertia: 0.1,
             center_of_gravity: 0.0254,
             delay: 0.01,
-            turbulence: 15.0 * crate::units::KNOT,
+            turbulence: 15.0 * KNOT,
+            inflow: 0.2,
+            gust: 5.0 * FOOT,
         }
     }
 }
 
 /// Number of parameters drawn.
-const PARAMETERS: u64 = 5;
+const PARAMETERS: u64 = 9;
 
 /// The variation of run `index` of `runs`, and the seed of its noise and
 /// turbulence.
@@ -120,6 +182,9 @@ pub fn draw(index: usize, runs: usize, seed: u64, ranges: &Ranges) -> (Variation
         center_of_gravity: either(2, ranges.center_of_gravity),
         delay: share(3) * ranges.delay,
         turbulence: (ranges.turbulence > 0.0).then(|| share(4) * ranges.turbulence),
+        inflow: 1.0 + either(5, ranges.inflow),
+        gust: [6, 7, 8].map(|parameter| either(parameter, ranges.gust)),
+        governor: None,
     };
     let mut own = ChaCha8Rng::seed_from_u64(seed);
     own.set_stream(u64::MAX - index as u64);
@@ -203,11 +268,13 @@ mod tests {
         let part = |value: f64, low: f64, high: f64| {
             ((value - low) / (high - low) * runs as f64).floor() as usize
         };
-        let mut seen = vec![[false; 3]; runs];
+        let mut seen = vec![[false; 5]; runs];
         for v in &draws {
             seen[part(v.mass, 0.9, 1.1)][0] = true;
             seen[part(v.delay, 0.0, 0.01)][1] = true;
             seen[part(v.turbulence.unwrap(), 0.0, ranges.turbulence)][2] = true;
+            seen[part(v.inflow, 0.8, 1.2)][3] = true;
+            seen[part(v.gust[2], -ranges.gust, ranges.gust)][4] = true;
         }
         assert!(seen.iter().flatten().all(|s| *s));
         // Parameters are not tied to one another.

@@ -150,6 +150,10 @@ pub struct Simulator<'a> {
     filter: SensorFilter,
     noise: Noise,
     air: Air,
+    /// Whether the rotors turn without the engine.
+    engine_out: bool,
+    /// Rotor speeds that are then commanded, rad/s.
+    coasting: Vec<f64>,
     departure: Option<Departure>,
 }
 
@@ -215,6 +219,8 @@ impl<'a> Simulator<'a> {
             filter: SensorFilter::new(hardware.sensor_bandwidth, step, measured),
             noise: Noise::new(options.seed, 0),
             air,
+            engine_out: false,
+            coasting: vehicle.rotors.iter().map(|rotor| rotor.speed).collect(),
             departure: None,
             state,
         })
@@ -333,6 +339,45 @@ impl<'a> Simulator<'a> {
         self.departure.as_ref()
     }
 
+    /// The engine fails: from now on the rotors, on one shaft, turn by what the
+    /// air does to them, J Ω' = −Q. Rotors whose speed is held exactly keep it.
+    pub fn fail_engine(&mut self) {
+        self.engine_out = self.vehicle.layout.rotors.iter().all(|rotor| rotor.speed.is_some());
+    }
+
+    /// Rotor speeds to command so that the governors give the rates of rotors
+    /// without an engine, by blade control. The torque of a shaft is linear in
+    /// its acceleration, so that one step from the present one is exact.
+    fn coast(&mut self) {
+        let n = self.vehicle.state_count();
+        let wind = self.wind_body();
+        let vehicle = self.vehicle;
+        let azimuth = self.time() * vehicle.reference_speed;
+        let state = &self.state[..n];
+        vehicle.rates(azimuth, state, &self.effectors[2], wind, &mut self.work, &mut self.rates);
+        let output = vehicle.output(state, &self.effectors[2], wind, &self.work);
+        // Reduced to the speed of the reference rotor by the gear ratios.
+        let (mut torque, mut inertia, mut acceleration) = (0.0, 0.0, 0.0);
+        for ((rotor, places), loads) in
+            vehicle.rotors.iter().zip(&vehicle.layout.rotors).zip(&output.rotors)
+        {
+            let ratio = rotor.speed / vehicle.reference_speed;
+            let Some(speed) = places.speed else { return };
+            torque += ratio * loads.torque;
+            inertia += ratio * ratio * rotor.inertia[2];
+            acceleration = self.rates[speed] / ratio;
+        }
+        let coasting = acceleration - torque / inertia;
+        for (index, (rotor, places)) in
+            vehicle.rotors.iter().zip(&vehicle.layout.rotors).enumerate()
+        {
+            if let (Some(speed), Some(lag)) = (places.speed, rotor.governor_time_constant) {
+                let ratio = rotor.speed / vehicle.reference_speed;
+                self.coasting[index] = self.state[speed] + lag * coasting * ratio;
+            }
+        }
+    }
+
     /// What the sensors say now: filtered, with noise. To be asked for once a
     /// period.
     pub fn measure(&mut self) -> Measurement {
@@ -384,10 +429,18 @@ impl<'a> Simulator<'a> {
         let n = vehicle.state_count();
         let body = Layout::BODY;
         let wind_earth = self.air.velocity();
+        if self.engine_out {
+            self.coast();
+        }
         self.effectors.rotate_right(1);
         let [_, middle, end] = &mut self.effectors;
         for (half, positions) in [middle, end].into_iter().enumerate() {
             vehicle.mix(&self.delay.at(2 * substep + half), &mut self.command);
+            if self.engine_out {
+                for (places, speed) in vehicle.layout.rotors.iter().zip(&self.coasting) {
+                    self.command[places.effectors + 3] = *speed;
+                }
+            }
             self.actuators.advance(&self.command);
             // Commanded rotor speeds have no actuator.
             positions.copy_from_slice(&self.command);

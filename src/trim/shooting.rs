@@ -7,15 +7,16 @@ use crate::problem::STICKS;
 use crate::trim::condition::{FlightCondition, Lateral};
 use crate::units::Kind;
 use crate::vehicle::layout::Quantity;
-use crate::vehicle::{Layout, Vehicle, Workspace};
+use crate::vehicle::{Layout, Vehicle};
 use nalgebra::{DMatrix, DVector};
+use std::cell::RefCell;
 
 /// Tangents carried in one pass of the Jacobian; larger systems take several.
 const WIDTH: usize = 28;
 /// Most steps a period of the Jacobian. It steers the solver and is no result:
 /// with this many steps it is right to about 1e-4, and every iteration still
 /// gains that factor.
-const JACOBIAN_STEPS: usize = 36;
+const JACOBIAN_STEPS: usize = 24;
 /// Below this speed, m/s, a flight condition is a hover.
 pub(super) const HOVER_SPEED: f64 = 1e-9;
 
@@ -34,10 +35,24 @@ pub struct Shooting<'a> {
     fixed: Vec<f64>,
     /// Scale of each unknown.
     pub(super) scales: Vec<f64>,
+    /// The period flown last: a solver ends at the unknowns that it flew
+    /// last, and what is reported of them needs that period again.
+    last: RefCell<Option<Flown>>,
+}
+
+/// A period that was flown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flown {
+    /// Scaled unknowns that it was flown with.
+    pub unknowns: DVector<f64>,
+    /// States at the start of every step.
+    pub orbit: Vec<Vec<f64>>,
+    /// Its end and means.
+    pub period: Period<f64>,
 }
 
 /// The end of a period and the means over it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Period<S> {
     /// State at the end.
     pub end: Vec<S>,
@@ -46,6 +61,9 @@ pub struct Period<S> {
     pub navigation: [S; 4],
     /// Mean of every state.
     pub mean: Vec<S>,
+    /// By how much the end should move for a finer step, where the method can
+    /// tell.
+    pub correction: Option<Vec<S>>,
 }
 
 /// A residual: what it is, in what unit, how it is scaled.
@@ -77,19 +95,26 @@ impl<'a> Shooting<'a> {
         let mut scales: Vec<f64> = free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
         scales.extend(stick_scales(vehicle));
         let jacobian_steps = steps.min(JACOBIAN_STEPS);
-        Self { vehicle, condition, method, steps, jacobian_steps, free, fixed, scales }
+        let last = RefCell::new(None);
+        Self { vehicle, condition, method, steps, jacobian_steps, free, fixed, scales, last }
     }
 
     /// The same problem with half the step.
     #[must_use]
     pub fn halved(&self) -> Self {
-        Self { steps: 2 * self.steps, ..self.clone() }
+        Self { steps: 2 * self.steps, last: RefCell::new(None), ..self.clone() }
     }
 
     /// Integration method.
     #[must_use]
     pub fn method(&self) -> Method {
         self.method
+    }
+
+    /// Steps a period.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.steps
     }
 
     /// Number of unknowns.
@@ -159,37 +184,62 @@ impl<'a> Shooting<'a> {
         &self,
         start: &[S],
         sticks: &[S; 4],
-        mut visit: impl FnMut(usize, f64, &[S], &[S]),
+        visit: impl FnMut(usize, f64, &[S], &[S]),
     ) -> Period<S> {
-        self.fly_in(self.steps, start, sticks, |index, time, state, effectors, _| {
-            visit(index, time, state, effectors);
-        })
+        let integrator = Integrator::estimating(self.method, self.vehicle.state_count());
+        self.fly_in(integrator, self.steps, start, sticks, visit)
     }
 
-    /// As [`Shooting::fly`]; `visit` also sees the workspace of the rates at
-    /// every step's start, from which outputs come without another evaluation.
-    pub fn fly_watched<S: Scalar>(
-        &self,
-        start: &[S],
-        sticks: &[S; 4],
-        visit: impl FnMut(usize, f64, &[S], &[S], &Workspace<S>),
-    ) -> Period<S> {
-        self.fly_in(self.steps, start, sticks, visit)
+    /// The period of these unknowns: that flown last, or a new one.
+    #[must_use]
+    pub fn flown(&self, x: &DVector<f64>) -> Flown {
+        if let Some(last) = self.last.take()
+            && last.unknowns == *x
+        {
+            return last;
+        }
+        let (state, sticks) = self.unpack(x);
+        let mut orbit = Vec::with_capacity(self.steps);
+        let period = self.fly(&state, &sticks, |_, _, state, _| orbit.push(state.to_vec()));
+        Flown { unknowns: x.clone(), orbit, period }
+    }
+
+    /// By how much the scaled residuals of a period should change with a finer
+    /// step, as far as the method can tell from this flight; `None` if it
+    /// cannot.
+    #[must_use]
+    pub fn estimated_change(&self, flown: &Flown) -> Option<DVector<f64>> {
+        let (start, _) = self.unpack(&flown.unknowns);
+        let mut finer = flown.period.clone();
+        for (end, correction) in finer.end.iter_mut().zip(flown.period.correction.as_ref()?) {
+            *end += correction;
+        }
+        Some(self.residuals_of(&start, &finer) - self.residuals_of(&start, &flown.period))
+    }
+
+    /// By how much they do change with half the step, which takes two flights
+    /// more.
+    ///
+    /// # Errors
+    /// As for the residuals.
+    pub fn halving_change(&self, flown: &Flown) -> Result<DVector<f64>, EvaluationError> {
+        let (start, _) = self.unpack(&flown.unknowns);
+        Ok(self.halved().evaluate(&flown.unknowns)? - self.residuals_of(&start, &flown.period))
     }
 
     fn fly_in<S: Scalar>(
         &self,
+        mut integrator: Integrator<S>,
         steps: usize,
         start: &[S],
         sticks: &[S; 4],
-        mut visit: impl FnMut(usize, f64, &[S], &[S], &Workspace<S>),
+        mut visit: impl FnMut(usize, f64, &[S], &[S]),
     ) -> Period<S> {
         let vehicle = self.vehicle;
         let n = vehicle.state_count();
         let mut work = vehicle.workspace::<S>();
         let mut effectors = vec![S::default(); vehicle.effector_count()];
         vehicle.mix(sticks, &mut effectors);
-        let mut integrator = Integrator::<S>::new(self.method, n);
         let mut state = start.to_vec();
         let mut navigation = [S::default(); 4];
         let mut mean = vec![S::default(); n];
@@ -204,16 +254,14 @@ impl<'a> Shooting<'a> {
             for (sum, value) in mean.iter_mut().zip(&state) {
                 *sum += *value * weight;
             }
-            let mut at_start = true;
+            visit(index, time, &state, &effectors);
             integrator.step(time, step, &mut state, |time, x, rates| {
                 let azimuth = time * vehicle.reference_speed;
                 vehicle.rates(azimuth, x, &effectors, [0.0; 3], &mut work, rates);
-                if std::mem::take(&mut at_start) {
-                    visit(index, time, x, &effectors, &work);
-                }
             });
         }
-        Period { end: state, navigation, mean }
+        let correction = integrator.estimate().map(<[S]>::to_vec);
+        Period { end: state, navigation, mean, correction }
     }
 
     /// Scaled residuals of a period that was flown from a start.
@@ -262,9 +310,11 @@ impl<'a> Shooting<'a> {
 
 impl Residuals for Shooting<'_> {
     fn evaluate(&self, x: &DVector<f64>) -> Result<DVector<f64>, EvaluationError> {
-        let (state, sticks) = self.unpack(x);
-        let period = self.fly(&state, &sticks, |_, _, _, _| {});
-        Ok(self.residuals_of(&state, &period))
+        let flown = self.flown(x);
+        let (start, _) = self.unpack(x);
+        let residuals = self.residuals_of(&start, &flown.period);
+        self.last.replace(Some(flown));
+        Ok(residuals)
     }
 
     fn jacobian(&self, x: &DVector<f64>) -> Result<DMatrix<f64>, EvaluationError> {
@@ -288,7 +338,9 @@ impl Residuals for Shooting<'_> {
             }
             let n = self.free.len();
             let sticks = [0, 1, 2, 3].map(|k| seed(sticks[k], n + k));
-            let period = self.fly_in(self.jacobian_steps, &start, &sticks, |_, _, _, _, _| {});
+            let integrator = Integrator::new(self.method, start.len());
+            let steps = self.jacobian_steps;
+            let period = self.fly_in(integrator, steps, &start, &sticks, |_, _, _, _| {});
             self.residuals(&start, &period, |row, value| {
                 for column in first..count.min(first + WIDTH) {
                     jacobian[(row, column)] = value.d[column - first];

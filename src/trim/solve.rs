@@ -1,11 +1,11 @@
 //! One trim point: from a guess to a converged orbit, or to a report of why
 //! there is none.
 
-use crate::numerics::integration::{Method, RUNGE_KUTTA_4};
+use crate::numerics::integration::{KUTTA_3_8, Method};
 use crate::numerics::least_squares::{self, IterationReport, Residuals};
 use crate::problem::STICKS;
 use crate::trim::condition::FlightCondition;
-use crate::trim::shooting::Shooting;
+use crate::trim::shooting::{Flown, Shooting};
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
@@ -17,9 +17,9 @@ pub struct Options {
     /// Converged when the norm of the scaled residuals is below this, 1.
     /// Scales: 1 m/s, 0.1 rad and rad/s, 0.02 rad of flapping, 0.01 of inflow.
     pub residual_tolerance: f64,
-    /// Largest change of any unknown (state at azimuth zero or stick) on halving
-    /// the step, relative to itself or, where it is small, to its scale: the
-    /// error test that chooses the step.
+    /// Largest error of any unknown (state at azimuth zero or stick) from the
+    /// length of the step, relative to the unknown or, where that is small, to
+    /// its scale: the error test that chooses the step.
     pub step_tolerance: f64,
     /// Steps a period to begin with.
     pub steps: usize,
@@ -35,24 +35,46 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             residual_tolerance: 1e-10,
-            step_tolerance: 5e-7,
+            step_tolerance: 4e-7,
             steps: 36,
             most_steps: 1152,
             max_iterations: 40,
-            method: RUNGE_KUTTA_4,
+            method: KUTTA_3_8,
         }
     }
 }
 
+/// Steps a period of the solve that comes before a finer one.
+const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
 /// what the coarse step is right to.
 const COARSE_TOLERANCE: f64 = 1e-5;
 /// A Jacobian serves again after a step that cut the residuals to this part:
 /// a new one costs as much as several residuals.
 const CHORD_REDUCTION: f64 = 0.1;
-/// A step whose error is below this part of the tolerance is finer than a
-/// neighbour will need: twice it would do.
-const NEEDLESS: f64 = 1.0 / 40.0;
+/// A Jacobian goes on to a finer system if its last step cut the residuals to
+/// this part; else a new one there costs less than the steps that it saves.
+const CARRIED_REDUCTION: f64 = 0.01;
+/// Steps a period are a multiple of this, so that every second can be left
+/// out, and every fourth.
+const EVEN: usize = 4;
+/// Part of the tolerance that the error of a new step is to have.
+const AIM: f64 = 0.5;
+/// The same for a neighbour, whose error may be larger: too few steps cost a
+/// second solve.
+const AIM_OF_NEIGHBOUR: f64 = 0.35;
+/// Most that the number of steps changes at once, either way.
+const LARGEST_CHANGE: f64 = 2.0;
+
+/// Steps a period that would have about the error wanted, from the error that
+/// this many have.
+fn advised_steps(steps: usize, error: f64, wanted: f64, method: Method) -> usize {
+    let ratio = (error / wanted).powf(1.0 / f64::from(method.order));
+    // No number counts as much too large.
+    let ratio =
+        if ratio < LARGEST_CHANGE { ratio.max(1.0 / LARGEST_CHANGE) } else { LARGEST_CHANGE };
+    ((steps as f64 * ratio).ceil() as usize).next_multiple_of(EVEN)
+}
 
 /// Where to start from.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +85,9 @@ pub struct Guess {
     pub sticks: [f64; 4],
     /// Steps a period that its orbit needed, if known.
     pub steps: Option<usize>,
+    /// Jacobian of the scaled residuals with the scaled unknowns at a
+    /// neighbour, if known.
+    pub jacobian: Option<DMatrix<f64>>,
 }
 
 /// How a trim ended.
@@ -80,7 +105,7 @@ pub enum Status {
     Failed {
         /// Names of the worst equations, worst first.
         equations: Vec<String>,
-        /// Sticks at their limits.
+        /// Sticks at their limits, and blade controls beyond theirs.
         binding: Vec<String>,
         /// What the solver ran into.
         reason: String,
@@ -218,7 +243,8 @@ pub struct TrimPoint {
     pub steps: usize,
     /// Integration method.
     pub method: Method,
-    /// Largest relative change of any unknown on halving the step.
+    /// Largest error of any unknown from the length of the step, as estimated
+    /// (see [`Options::step_tolerance`]).
     pub step_error: f64,
     /// Rotors.
     pub rotors: Vec<RotorMean>,
@@ -230,6 +256,9 @@ pub struct TrimPoint {
     pub margins: Vec<Margin>,
     /// Iterations, for `--trace`.
     pub history: Vec<IterationReport>,
+    /// Jacobian of the scaled residuals with the scaled unknowns, about right
+    /// near the solution: what a neighbour starts with.
+    pub jacobian: Option<DMatrix<f64>>,
 }
 
 /// A trim point that has converged: what linearisation asks for.
@@ -265,10 +294,15 @@ impl TrimPoint {
     #[must_use]
     pub fn guess(&self) -> Guess {
         let usual = Options::default();
-        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
-        let half = self.steps / 2;
-        let steps = if needless && half >= usual.steps { half } else { self.steps };
-        Guess { state: self.state.clone(), sticks: self.sticks, steps: Some(steps) }
+        let wanted = AIM_OF_NEIGHBOUR * usual.step_tolerance;
+        let advised = advised_steps(self.steps, self.step_error, wanted, self.method);
+        let steps = advised.clamp(usual.steps.min(self.steps), usual.most_steps.max(self.steps));
+        Guess {
+            state: self.state.clone(),
+            sticks: self.sticks,
+            steps: Some(steps),
+            jacobian: self.jacobian.clone(),
+        }
     }
 }
 
@@ -304,15 +338,15 @@ impl Guess {
         let rigging = vehicle.controls.mix.iter().map(|mix| mix.rigging[0]).sum::<f64>() / count;
         let stick = if gain.abs() > 0.0 { (collective - rigging) / gain } else { 0.0 };
         let [low, high] = vehicle.controls.stick_limits[2];
-        Self { state, sticks: [0.0, 0.0, stick.clamp(low, high), 0.0], steps: None }
+        Self { state, sticks: [0.0, 0.0, stick.clamp(low, high), 0.0], steps: None, jacobian: None }
     }
 }
 
 /// Trims a vehicle at a condition from a guess. The step is chosen by its
-/// error test: the solution is found again with half the step until halving
-/// it once more no longer matters. A guess that says how fine a step its orbit
-/// needed is first brought near the solution with a coarse one; every finer
-/// system starts with the Jacobian of the coarser.
+/// error test: the solution is found again with half the step until its
+/// estimated error no longer matters. A guess is first brought near the solution
+/// with a coarse step; finer systems start from the coarser one's solution, as
+/// far as its estimated error corrects it, and with its Jacobian.
 ///
 /// # Panics
 /// Never: the least-squares options are valid by construction.
@@ -327,7 +361,9 @@ pub fn trim(
     let mut iterations = 0;
     let mut history = Vec::new();
     let mut start = (guess.state.clone(), guess.sticks);
-    let mut jacobian = None;
+    let mut jacobian = guess.jacobian.clone();
+    // The last coarser solution with its steps, corrected as far as it knew.
+    let mut coarser: Option<(usize, DVector<f64>)> = None;
     let solve = |shooting: &Shooting<'_>,
                  start: &(Vec<f64>, [f64; 4]),
                  jacobian: Option<&DMatrix<f64>>,
@@ -344,16 +380,25 @@ pub fn trim(
         let solution = least_squares::solve_with(shooting, &x, jacobian, &solver, None);
         solution.map_err(|error| (x, error))
     };
-    if steps > options.steps {
-        let shooting = Shooting::new(vehicle, condition, options.method, options.steps);
+    if steps > COARSE_STEPS {
+        let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
         let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
-        if let Ok(solution) = solve(&shooting, &start, None, tolerance)
+        if let Ok(solution) = solve(&shooting, &start, jacobian.as_ref(), tolerance)
             && solution.converged()
         {
             iterations += solution.iterations;
-            history.extend(solution.history);
-            start = shooting.unpack(&solution.x);
-            jacobian = solution.jacobian;
+            history.extend(solution.history.iter().cloned());
+            let flown = shooting.flown(&solution.x);
+            if let Some(change) = shooting.estimated_change(&flown)
+                && let Some(shift) = newton_step(&shooting, &solution, &change)
+            {
+                let corrected = &solution.x + shift;
+                start = shooting.unpack(&corrected);
+                coarser = Some((COARSE_STEPS, corrected));
+            } else {
+                start = shooting.unpack(&solution.x);
+            }
+            jacobian = carried(&solution);
         }
     }
     loop {
@@ -367,22 +412,28 @@ pub fn trim(
                     binding: Vec::new(),
                     reason: error.to_string(),
                 };
-                return report(&shooting, &x, vehicle, condition, failed, steps, f64::NAN);
+                let flown = shooting.flown(&x);
+                return report(&shooting, flown, vehicle, condition, failed, steps, f64::NAN);
             }
         };
         iterations += solution.iterations;
         history.extend(solution.history.iter().cloned());
         let converged = solution.converged();
-        // Newton's step on the system with half the step: how far every unknown
-        // would move.
-        let shift = if converged { halving_shift(&shooting, &solution) } else { None };
-        let error = shift.as_ref().map_or(f64::NAN, |shift| relative_size(shift, &solution.x));
+        let flown = shooting.flown(&solution.x);
+        let (shift, error) = if converged {
+            step_error(&shooting, &solution, &flown, coarser.as_ref(), options.method)
+        } else {
+            (None, f64::NAN)
+        };
         let fine = error <= options.step_tolerance;
-        if converged && !fine && 2 * steps <= options.most_steps {
-            steps *= 2;
-            let moved = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
-            start = shooting.unpack(&moved);
-            jacobian = solution.jacobian;
+        let advised = advised_steps(steps, error, AIM * options.step_tolerance, options.method);
+        let finer = advised.max((steps + steps / 4).next_multiple_of(EVEN));
+        if converged && !fine && finer <= options.most_steps {
+            steps = finer;
+            let corrected = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
+            start = shooting.unpack(&corrected);
+            coarser = Some((shooting.steps(), corrected));
+            jacobian = carried(&solution);
             continue;
         }
         let status = if converged && fine {
@@ -392,31 +443,75 @@ pub fn trim(
                 equations: Vec::new(),
                 binding: Vec::new(),
                 reason: format!(
-                    "the step could not be made fine enough: halving {steps} steps a period still \
-                     moves the trim by {error:.1e}"
+                    "the step could not be made fine enough: with {steps} steps a period the trim \
+                     is still wrong by {error:.1e}"
                 ),
             }
         } else {
             failure(&shooting, vehicle, &solution)
         };
-        let mut point = report(&shooting, &solution.x, vehicle, condition, status, steps, error);
+        let mut point = report(&shooting, flown, vehicle, condition, status, steps, error);
         point.iterations = iterations;
         point.history = history;
+        point.jacobian = solution.jacobian;
         return point;
     }
 }
 
-/// Newton's step from the solution towards that with half the step, scaled.
-fn halving_shift(
+/// The Jacobian of a solve that is good enough for a similar system.
+fn carried(solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
+    let reduction = match solution.history.as_slice() {
+        [.., before, last] if !last.fresh_jacobian => last.residual_max / before.residual_max,
+        _ => 0.0,
+    };
+    solution.jacobian.clone().filter(|_| reduction < CARRIED_REDUCTION)
+}
+
+/// Newton's step from the solution towards that with a finer step, scaled, as
+/// far as it is known, and the estimated error of the solution. It has two
+/// parts: what the method's second weights tell, and what they do not see,
+/// which is what they left of the error of a coarser solution, less by the
+/// order of the method. Without a coarser solution, or second weights, the
+/// step is halved instead.
+fn step_error(
     shooting: &Shooting<'_>,
     solution: &least_squares::Solution,
+    flown: &Flown,
+    coarser: Option<&(usize, DVector<f64>)>,
+    method: Method,
+) -> (Option<DVector<f64>>, f64) {
+    let x = &solution.x;
+    let estimated = coarser.and_then(|coarser| Some((coarser, shooting.estimated_change(flown)?)));
+    let (change, unseen) = match estimated {
+        Some(((steps, corrected), change)) => {
+            let reduction = (*steps as f64 / shooting.steps() as f64).powi(method.order as i32);
+            (change, relative_size(&(x - corrected), x) * reduction)
+        }
+        None => match shooting.halving_change(flown) {
+            Ok(change) => (change, 0.0),
+            Err(_) => return (None, f64::NAN),
+        },
+    };
+    match newton_step(shooting, solution, &change) {
+        Some(shift) => {
+            let error = relative_size(&shift, x) + unseen;
+            (Some(shift), error)
+        }
+        None => (None, f64::NAN),
+    }
+}
+
+/// Newton's step that answers a change of the residuals, scaled.
+fn newton_step(
+    shooting: &Shooting<'_>,
+    solution: &least_squares::Solution,
+    change: &DVector<f64>,
 ) -> Option<DVector<f64>> {
-    let residuals = shooting.halved().evaluate(&solution.x).ok()?;
     let jacobian = match &solution.jacobian {
         Some(jacobian) => jacobian.clone(),
         None => shooting.jacobian(&solution.x).ok()?,
     };
-    let shift = jacobian.lu().solve(&-residuals)?;
+    let shift = jacobian.lu().solve(&-change)?;
     shift.iter().all(|value| value.is_finite()).then_some(shift)
 }
 
@@ -501,22 +596,28 @@ fn failure(
 /// Means, margins and residuals of an orbit.
 fn report(
     shooting: &Shooting<'_>,
-    x: &DVector<f64>,
+    flown: Flown,
     vehicle: &Vehicle,
     condition: FlightCondition,
     status: Status,
     steps: usize,
     step_error: f64,
 ) -> TrimPoint {
-    let (state, sticks) = shooting.unpack(x);
+    let Flown { unknowns, orbit, period } = flown;
+    let (state, sticks) = shooting.unpack(&unknowns);
     let mut rotors = vec![RotorMean::default(); vehicle.rotors.len()];
     let mut power = PowerBalance::default();
     let mut range = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; vehicle.rotors.len()];
     let weight = 1.0 / steps as f64;
-    let mut orbit = Vec::with_capacity(steps);
-    let period = shooting.fly_watched(&state, &sticks, |_, _, state, effectors, work| {
-        orbit.push(state.to_vec());
-        let output = vehicle.output(state, effectors, [0.0; 3], work);
+    let mut work = vehicle.workspace::<f64>();
+    let mut effectors = vec![0.0; vehicle.effector_count()];
+    vehicle.mix(&sticks, &mut effectors);
+    let mut rates = vec![0.0; vehicle.state_count()];
+    let advance = vehicle.period * vehicle.reference_speed / orbit.len() as f64;
+    for (step, state) in orbit.iter().enumerate() {
+        let azimuth = step as f64 * advance;
+        vehicle.rates(azimuth, state, &effectors, [0.0; 3], &mut work, &mut rates);
+        let output = vehicle.output(state, &effectors, [0.0; 3], &work);
         for (index, (mean, now)) in rotors.iter_mut().zip(&output.rotors).enumerate() {
             let add = |sum: &mut f64, value: f64| *sum += weight * value;
             let add3 = |sum: &mut [f64; 3], value: &[f64; 3]| {
@@ -547,7 +648,7 @@ fn report(
         }
         power.parasite += weight * output.parasite_power;
         power.climb += weight * output.climb_power;
-    });
+    }
     for (index, (mean, rotor)) in rotors.iter_mut().zip(&vehicle.rotors).enumerate() {
         mean.thrust_coefficient = mean.thrust / rotor.force_scale();
         mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
@@ -573,6 +674,10 @@ fn report(
         .collect();
     let status = match status {
         Status::Converged if !beyond.is_empty() => Status::BeyondLimits { controls: beyond },
+        Status::Failed { equations, mut binding, reason } => {
+            binding.extend(beyond);
+            Status::Failed { equations, binding, reason }
+        }
         other => other,
     };
     let sideslip = if condition.airspeed > super::shooting::HOVER_SPEED {
@@ -599,6 +704,7 @@ fn report(
         sideslip,
         margins,
         history: Vec::new(),
+        jacobian: None,
     }
 }
 

@@ -105,6 +105,9 @@ pub struct Vehicle {
     pub reference_speed: f64,
     /// Period of the dynamics, s.
     pub period: f64,
+    /// Factor on the inflow that rotors induce in one another, 1: for studies
+    /// of how much hangs on it.
+    pub interference_gain: f64,
     /// `[receiver][source]`, none on the diagonal or without interactions.
     interference: Vec<Vec<Option<Interference>>>,
     /// `[fuselage][source]`.
@@ -179,6 +182,7 @@ impl Vehicle {
             layout,
             reference_speed,
             period,
+            interference_gain: 1.0,
             interference: Vec::new(),
             fuselage_wash: Vec::new(),
             wing_wash: Vec::new(),
@@ -586,7 +590,8 @@ impl Vehicle {
                     if let Some(table) = table {
                         let ratio =
                             self.rotors[source].tip_speed() / self.rotors[index].tip_speed();
-                        let added = induced(table, &work.wake[source], ratio);
+                        let added =
+                            induced(table, &work.wake[source], ratio * self.interference_gain);
                         for k in 0..3 {
                             total[k] += added[k];
                         }

@@ -85,7 +85,7 @@ pub struct Rotor {
     /// First moment of all blades about the hinge along k_T, kg m.
     first_moment: f64,
     /// Principal moments of all blades about the hinge in T, kg m².
-    inertia: [f64; 3],
+    pub(crate) inertia: [f64; 3],
     elements: Vec<Element>,
     section: Section,
     /// Eqs. 35 in place of the section, if the problem asks for them.

@@ -7,6 +7,7 @@
 //! plane of each section; the spanwise component of the flow does nothing
 //! (simple sweep theory).
 
+use crate::numerics::quadrature::gauss_legendre;
 use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
 use crate::problem::{self, Wash, WingModel};
 use crate::vehicle::VehicleError;
@@ -74,24 +75,31 @@ impl Wing {
         air: &Air,
     ) -> Result<Self, VehicleError> {
         let center = position_body(&wing.aerodynamic_center, center_of_gravity);
-        let (count, half_dihedral) = match wing.model {
-            // Each half needs its own plane, so strips come in pairs.
-            WingModel::Elements { elements, .. } => (elements + elements % 2, wing.dihedral),
-            WingModel::Finite { .. } => (1, 0.0),
+        // Stations along the span, 0 port to 1 starboard, and parts of the span.
+        // Each half has its own plane, and its own points.
+        let (stations, half_dihedral) = match wing.model {
+            WingModel::Elements { elements, .. } => {
+                let half = elements.div_ceil(2);
+                let mut points = gauss_legendre(0.0, 0.5, half);
+                points.extend(gauss_legendre(0.5, 1.0, half));
+                (points, wing.dihedral)
+            }
+            WingModel::Finite { .. } => (vec![(0.5, 1.0)], 0.0),
         };
+        let whole = stations.len() == 1;
         let plane = about_x(wing.cant);
         let mut area_total = 0.0;
-        let strips: Vec<Strip> = (0..count)
-            .map(|k| {
-                let station = (k as f64 + 0.5) / count as f64;
+        let strips: Vec<Strip> = stations
+            .into_iter()
+            .map(|(station, part)| {
                 let offset = (station - 0.5) * wing.span;
-                let dihedral = if count == 1 { 0.0 } else { half_dihedral * offset.signum() };
+                let dihedral = if whole { 0.0 } else { half_dihedral * offset.signum() };
                 // Starboard half: span axis turned up by the dihedral.
                 let rotation =
                     product(&about_y(wing.incidence), &product(&about_x(-dihedral), &plane));
                 let span_axis = product(&about_x(-dihedral), &plane)[1];
-                let chord = if count == 1 { mean(&wing.chord) } else { wing.chord.at(station) };
-                let area = chord * wing.span / count as f64;
+                let chord = if whole { mean(&wing.chord) } else { wing.chord.at(station) };
+                let area = chord * wing.span * part;
                 area_total += area;
                 Strip {
                     position_body: [0, 1, 2].map(|i| center[i] + offset * span_axis[i]),

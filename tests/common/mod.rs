@@ -4,12 +4,13 @@
 #![allow(dead_code)]
 
 use coaxdesign::problem::{
-    Airfoil, Direction, FuselageAerodynamics, FuselageTable, HubKind, Problem, Spanwise, Station,
-    WingModel, builtin_named,
+    Airfoil, FuselageTable, HubKind, Problem, Spanwise, WingModel, builtin_named,
 };
 use coaxdesign::trim::{FlightCondition, Options, TrimPoint, sweep};
 use coaxdesign::vehicle::{Layout, Vehicle};
-use std::sync::Arc;
+
+#[allow(unused_imports)]
+pub use coaxdesign::validation::{mirror_signs, mirror_sticks, mirrored};
 
 /// One knot, m/s.
 pub const KNOT: f64 = coaxdesign::units::KNOT;
@@ -91,70 +92,6 @@ pub fn trimmed(vehicle: &Vehicle, condition: FlightCondition, options: &Options)
     let point = points.pop().unwrap();
     assert!(point.on_orbit(), "{}: {condition:?}: {:?}", vehicle.name, point.status);
     point
-}
-
-/// The mirror image of a problem in its plane of symmetry. The sticks are
-/// mirrored too: lateral stick and pedals change sign.
-pub fn mirrored(problem: &Problem) -> Problem {
-    let station = |place: Station| Station { butt_line: -place.butt_line, ..place };
-    let mut mirror = problem.clone();
-    let mass = &mut mirror.mass;
-    mass.center_of_gravity = station(mass.center_of_gravity);
-    mass.i_xy = -mass.i_xy;
-    mass.i_yz = -mass.i_yz;
-    for body in &mut mirror.fuselages {
-        body.position = station(body.position);
-        if let FuselageAerodynamics::Table(table) = &body.aerodynamics {
-            body.aerodynamics = FuselageAerodynamics::Table(Arc::new(mirrored_table(table)));
-        }
-    }
-    for rotor in &mut mirror.rotors {
-        rotor.hub = station(rotor.hub);
-        rotor.cant = -rotor.cant;
-        rotor.direction = match rotor.direction {
-            Direction::CounterClockwise => Direction::Clockwise,
-            Direction::Clockwise => Direction::CounterClockwise,
-        };
-    }
-    for wing in &mut mirror.wings {
-        wing.aerodynamic_center = station(wing.aerodynamic_center);
-        wing.cant = -wing.cant;
-        wing.chord.station = wing.chord.station.iter().rev().map(|s| 1.0 - s).collect();
-        wing.chord.value.reverse();
-    }
-    for mix in &mut mirror.controls.mix {
-        for row in [&mut mix.theta_0, &mut mix.theta_1c, &mut mix.theta_1s] {
-            row[0] = -row[0];
-            row[3] = -row[3];
-        }
-    }
-    for stick in [0, 3] {
-        let [low, high] = problem.controls.stick_limits[stick];
-        mirror.controls.stick_limits[stick] = [-high, -low];
-    }
-    mirror
-}
-
-fn mirrored_table(table: &FuselageTable) -> FuselageTable {
-    let columns = table.sideslip.len();
-    let loads = [0, 1, 2, 3, 4, 5].map(|k| {
-        // Y, L and N change sign.
-        let sign = if [1, 3, 5].contains(&k) { -1.0 } else { 1.0 };
-        table.loads[k]
-            .chunks(columns)
-            .flat_map(|row| row.iter().rev().map(move |value| sign * value))
-            .collect()
-    });
-    FuselageTable {
-        angle_of_attack: table.angle_of_attack.clone(),
-        sideslip: table.sideslip.iter().rev().map(|angle| -angle).collect(),
-        loads,
-    }
-}
-
-/// Signs of the mirror on the states: v, p, r and φ change.
-pub fn mirror_signs(vehicle: &Vehicle) -> Vec<f64> {
-    (0..vehicle.state_count()).map(|k| if [1, 3, 5, 6].contains(&k) { -1.0 } else { 1.0 }).collect()
 }
 
 /// A made-up fuselage table, different in every load.

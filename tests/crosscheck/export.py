@@ -7,7 +7,8 @@ SCHEDULE is a schedule file or a directory of one. The test vectors of the law
 are written by `coaxdesign export --to vectors`; each other form is loaded by the
 program that it is for and must give the same tables at breakpoints, between
 them and beyond both ends, and the same sticks over 30 s: to 1e-12 in double, to
-1e-5 in single precision, of a number or of the full travel of 100 % for sticks.
+1e-5 in single precision (sticks 2.5e-5, since pedals are divided by their power,
+down to 0.4), of a number or of the full travel of 100 % for sticks.
 Then a digit of each artefact is changed, and the same proof must fail.
 Exits with 1 if anything differs.
 """
@@ -30,6 +31,9 @@ import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
 DOUBLE, SINGLE = 1e-12, 1e-5
+# Least power of the pedals that the law reckons with: pedals are divided by it,
+# and so is what rounding leaves in them.
+PEDAL_POWER_MIN = 0.4
 # Full travel of a stick, percent: what errors of sticks are measured by.
 TRAVEL = 100.0
 STEP = 0.01
@@ -236,7 +240,8 @@ def prove_program(program, vectors, tolerance):
         raise Wrong("engaging moves the sticks")
     error = max(error, close("engage", off[quiet], 0.0 * off[quiet], 10 * tolerance, TRAVEL))
     found = table(run(program, "steps", input=vectors.steps_text))
-    return max(error, close("sticks", found, vectors.sticks, tolerance, TRAVEL))
+    allowed = tolerance / PEDAL_POWER_MIN if tolerance == SINGLE else tolerance
+    return max(error, close("sticks", found, vectors.sticks, allowed, TRAVEL))
 
 
 def prove_c(directory, vectors, schemas, tolerance=DOUBLE, flags=()):
@@ -312,13 +317,18 @@ def state_space_error(reader, law, speed):
     values = law.at(speed)
     # The tables stand still, as in the linear model.
     law = copy.copy(law)
+    if speed not in law.speeds:
+        # A trim between breakpoints is none: its heave loop moves the collective,
+        # and with it the pedals' power, whatever the size of the inputs.
+        growths = ["pedal_yaw_growth", "collective_pitch_growth", "pedal_pitch_growth"]
+        law.constants = {**law.constants, **dict.fromkeys(growths, 0.0)}
     law.speeds, law.tables = [speed], {name: [rows] for name, rows in values.items()}
     law.limits = [(-1e9, 1e9)] * 4
     trim = [r[0] for r in values["trim_velocity"]]
     attitude = [r[0] for r in values["trim_attitude"]]
     sticks = np.array([r[0] for r in values["trim_sticks"]])
     blend = law.turn_blend(speed)
-    count, size = 200, 1e-5
+    count, size = 200, 1e-6
     time = np.arange(count) * STEP
     inputs = np.array([size * np.sin((1.0 + 0.37 * k) * time + k) for k in range(12)])
     inputs[10] = 0.0  # no turn

@@ -312,6 +312,15 @@ static void refine(@P@_state *state, real ideal[8], const real trim_velocity[3],
     }
 }
 
+/* Power of the pedals over yaw, relative to the trim's, at a change of
+ * collective from it. */
+static real pedal_power(const real *p, real collective)
+{
+    const real per_power = p[@U@_DECOUPLING + (4u * @U@_PED) + YAW];
+    return held(@ONE@ + (PEDAL_YAW_GROWTH * per_power * collective), PEDAL_POWER_MIN,
+        PEDAL_POWER_MAX);
+}
+@LIFT@
 static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *demand)
 {
     real p[@U@_VALUES];
@@ -426,7 +435,7 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
             + dot(&p[@U@_REFERENCE_INPUT + (6u * i)], rho, 6u);
     }
     refine(state, ideal, trim_velocity, wind, blend);
-@HYBRID@    if (velocity_mode == 0u) {
+@LIFTING@@HYBRID@    if (velocity_mode == 0u) {
         for (unsigned int k = 0u; k < 2u; k++) {
             state->model[k] += STEP
                 * (dot(&p[@U@_REFERENCE_DYNAMICS + (8u * k)], ideal, 8u)
@@ -435,11 +444,18 @@ static void run(@P@_state *state, const @P@_measurement *m, const @P@_demand *de
     }
 
     /* Inversion and limits. */
+    const real *trim_sticks = &p[@U@_TRIM_STICKS];
+    real delta[4];
     real wanted[4];
     for (unsigned int j = 0u; j < 4u; j++) {
-        wanted[j] = p[@U@_TRIM_STICKS + j]
-            + (dot(&p[@U@_DECOUPLING + (4u * j)], commanded, 4u)
-                + dot(&p[@U@_ALLOCATION + (4u * j)], nu, 4u));
+        delta[j] = @DELTA@;
+    }
+    const real collective
+        = held(trim_sticks[@U@_COL] + delta[@U@_COL], LIMITS[@U@_COL][0], LIMITS[@U@_COL][1])
+        - trim_sticks[@U@_COL];
+    delta[@U@_PED] /= pedal_power(p, collective);
+    for (unsigned int j = 0u; j < 4u; j++) {
+        wanted[j] = trim_sticks[j] + delta[j];
         state->sticks[j] = held(wanted[j], LIMITS[j][0], LIMITS[j][1]);
     }
     /* Anti-windup: an axis's integral holds while its own effector is at a
@@ -506,6 +522,14 @@ static unsigned int solve(real a[4][4], real b[4])
     return regular;
 }
 
+/* What the inversion must ask of the pedals for these sticks. */
+static real asked_pedal(const real *p, const real sticks[4])
+{
+    const real *trim_sticks = &p[@U@_TRIM_STICKS];
+    return (sticks[@U@_PED] - trim_sticks[@U@_PED])
+        * pedal_power(p, sticks[@U@_COL] - trim_sticks[@U@_COL]);
+}
+
 @P@_status @P@_engage(@P@_state *state, const @P@_measurement *measurement,
     const @P@_demand *demand, const @P@_real sticks[4])
 {
@@ -535,7 +559,9 @@ static unsigned int solve(real a[4][4], real b[4])
         real matrix[4][4];
         real lacking[4];
         for (unsigned int i = 0u; i < 4u; i++) {
-            lacking[i] = sticks[i] - trial.sticks[i];
+            /* Pedals as the inversion asks for them, at the trim's power. */
+            lacking[i] = (i == @U@_PED) ? (asked_pedal(p, sticks) - asked_pedal(p, trial.sticks))
+                                        : (sticks[i] - trial.sticks[i]);
             for (unsigned int j = 0u; j < 4u; j++) {
                 matrix[i][j] = p[@U@_ALLOCATION + (4u * i) + j];
             }
