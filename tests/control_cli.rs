@@ -92,6 +92,28 @@ fn an_axis_is_tuned_written_and_verified() {
     assert!(out(&hard).contains("MISSED") && out(&hard).contains("drb_rad_s"), "{}", out(&hard));
 }
 
+/// One model alone, as CSV and with plots: the map says whose margins it shows.
+#[test]
+fn plots_of_one_model_name_it() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    let models = "[models.plain]\nclass = \"nominal\"\n[models.heavy]\nclass = \"off_nominal\"\n\
+                  mass_scale = 1.1\n";
+    specification(d, "\"60 kt\"", &format!("{ROLL}{models}"));
+    let o = program(
+        d,
+        "tune-gains --spec spec.toml --nominal-only --axis roll -o made --plot --format csv --quiet",
+    );
+    assert_eq!(code(&o), 0, "{}{}", out(&o), err(&o));
+    let lines: Vec<&str> = out(&o).lines().collect();
+    assert!(lines[0].contains("drb") && lines.len() == 2, "{}", out(&o));
+    let map = std::fs::read_to_string(d.join("made/margins.svg")).unwrap();
+    assert!(map.contains("model plain") && !map.contains("all models"));
+    for name in ["gains", "sensitivity", "nyquist-roll"] {
+        assert!(d.join(format!("made/{name}.svg")).exists(), "{name}");
+    }
+}
+
 /// A bandwidth beyond the hardware: a design all the same, marked, with what
 /// could be had.
 #[test]

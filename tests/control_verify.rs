@@ -207,3 +207,47 @@ fn allocation_is_triangular_and_meets_the_power_it_assumes() {
         }
     }
 }
+
+/// With the outer loops closed D is still affine in an inner axis's gains: what
+/// the lemma gives at other gains is the determinant there.
+#[test]
+fn inner_gains_stay_affine_with_the_outer_loops_closed() {
+    use coaxdesign::control::axis::{Channel, GainSet};
+    use coaxdesign::control::loops::{Cut, LawSettings, LoopModel, affine_value, with_channel};
+    use coaxdesign::control::tuning::start_gains;
+    let settings = LawSettings {
+        kappa: 0.4,
+        hybrid_feedforward: true,
+        reference_delay: 0.12,
+        roll_frequency: 2.0,
+        pitch_frequency: 1.7,
+        attitude_damping: 0.8,
+        yaw_time_constant: 0.5,
+        heave_time_constant: 2.0,
+    };
+    let plant = testbed::plant(12.0, &testbed::NOMINAL);
+    let inversion = Inversion::new(&plant).unwrap();
+    let mut gains = GainSet::default();
+    for c in Channel::ALL {
+        gains[c.index()] = start_gains(c, 0.15, [0.0, 10.0]);
+    }
+    let omega: Vec<f64> = vec![0.1, 0.7, 2.0, 5.0];
+    let model = LoopModel::new(&plant, &inversion, &settings, testbed::HARDWARE, 0.0, omega.into())
+        .unwrap();
+    for channel in Channel::ALL {
+        let loops = model.channel(&gains, channel, &[Cut::Effector]);
+        let x: Vec<f64> =
+            gains[channel.index()].values(channel).iter().map(|g| 1.7 * g + 0.1).collect();
+        let moved = with_channel(&gains, channel, &x);
+        for (f, d) in loops.full.iter().zip(model.determinant(&moved)) {
+            let lemma = affine_value(f, &x);
+            assert!((lemma - d).norm() < 1e-9 * d.norm(), "{channel}: {lemma} and {d}");
+        }
+        // The loop cut at the effector does not depend on how it is written.
+        let cut = model.channel(&moved, channel, &[Cut::Effector]);
+        let (a, b) = (loops.loop_curve(0, &x), cut.loop_curve(0, &x));
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).norm() < 1e-9 * (1.0 + b.norm()), "{channel}: {a} and {b}");
+        }
+    }
+}

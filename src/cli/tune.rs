@@ -911,3 +911,19 @@ pub(super) fn figures(
     ));
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::with_ends;
+
+    /// An end that does not trim is replaced by the outermost speed that does;
+    /// a breakpoint in the middle is not, nor one beyond the schedule.
+    #[test]
+    fn ends_that_do_not_trim_are_replaced() {
+        let breakpoints = [0.0, 10.0, 20.0];
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0, 20.0]), breakpoints);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0]), [0.0, 10.0, 15.0]);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 15.0, 20.0]), [0.0, 20.0]);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 10.0, 30.0]), [0.0, 10.0]);
+    }
+}

@@ -388,6 +388,20 @@ mod tests {
         }
     }
 
+    /// Two blocks: the growing one holds v and a state that is not measured.
+    #[test]
+    fn a_growing_mode_is_named_by_its_state() {
+        let mut a = DMatrix::from_diagonal_element(9, 9, -1.0);
+        a[(1, 1)] = 0.03;
+        a[(8, 1)] = 5.0;
+        a[(6, 1)] = 0.01;
+        let measured = std::array::from_fn(|k| k);
+        let values = dense::eigenvalues(&a).unwrap();
+        let growing = values.iter().find(|e| e.re > 0.0).unwrap();
+        assert_relative_eq!(growing.re, 0.03, max_relative = 1e-9);
+        assert_eq!(leading_state(&a, &measured, *growing), Some(rigid::V));
+    }
+
     /// Padé of a pure delay in front of an integrator: the critical gain of
     /// k e^(-sT)/s is π/(2T).
     #[test]
