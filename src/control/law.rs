@@ -972,9 +972,9 @@ mod tests {
                 let mut p = t.at(speed);
                 p.speed = speed;
                 let trim = &mut p.inversion.trim;
-                // Level, so that the forward airspeed is u.
-                (trim.roll, trim.pitch) = (0.0, 0.0);
-                trim.velocity_body = [speed, 0.0, -0.002 * speed * speed];
+                // Level flight at that forward speed.
+                (trim.roll, trim.pitch) = (0.0, -0.002 * speed);
+                trim.velocity_body = [speed * trim.pitch.cos(), 0.0, speed * trim.pitch.sin()];
                 trim.sticks[2] = 40.0 + 0.02 * (speed - 15.0) * (speed - 15.0);
                 let load = trim.velocity_body[0] * trim.velocity_body[2];
                 let mut power = p.inversion.decoupling.try_inverse().unwrap();
