@@ -50,8 +50,9 @@ fn numbers(r: &Row) -> [Option<f64>; 9] {
     ]
 }
 
-/// Freshly computed models at two breakpoints and between: the same inversion
-/// and the same verification as in the files.
+/// Freshly computed models at two breakpoints and between, from trims that go
+/// through the same speeds as those of the design: the same inversion and the
+/// same verification as in the files.
 #[test]
 fn the_design_is_what_the_code_makes() {
     let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}")).problem;
@@ -70,9 +71,14 @@ fn the_design_is_what_the_code_makes() {
     assert!(kept.stability.iter().all(|s| s.passed));
 
     spec.models.truncate(1);
-    let speeds = [20.0, 25.0, 90.0].map(|kt| kt * KNOT);
-    let built = build(&problem, &spec.models, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
+    let speeds: Vec<f64> = (0..=18).map(|k| 5.0 * f64::from(k) * KNOT).collect();
+    let mut built =
+        build(&problem, &spec.models, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
     assert!(built.left_out.is_empty());
+    let looked_at = [20.0, 25.0, 90.0].map(|kt| kt * KNOT);
+    let near = |speed: f64| looked_at.iter().any(|at| (at - speed).abs() < 1e-6);
+    built.set.plants.retain(|plants| near(plants[0].speed));
+    assert_eq!(built.set.plants.len(), looked_at.len());
     for plants in [&built.set.plants[0], &built.set.plants[2]] {
         let (fresh, held) =
             (Inversion::new(&plants[0]).unwrap(), table.at(plants[0].speed).inversion);

@@ -63,6 +63,9 @@ const AIM: f64 = 0.5;
 /// The same for a neighbour, whose error may be larger: too few steps cost a
 /// second solve.
 const AIM_OF_NEIGHBOUR: f64 = 0.35;
+/// A neighbour takes fewer steps only where the error is below this part of the
+/// tolerance: a little below it can be chance.
+const NEEDLESS: f64 = 1.0 / 40.0;
 /// Most that the number of steps changes at once, either way.
 const LARGEST_CHANGE: f64 = 2.0;
 
@@ -296,7 +299,9 @@ impl TrimPoint {
         let usual = Options::default();
         let wanted = AIM_OF_NEIGHBOUR * usual.step_tolerance;
         let advised = advised_steps(self.steps, self.step_error, wanted, self.method);
-        let steps = advised.clamp(usual.steps.min(self.steps), usual.most_steps.max(self.steps));
+        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
+        let least = if needless { usual.steps.min(self.steps) } else { self.steps };
+        let steps = advised.clamp(least, usual.most_steps.max(self.steps));
         Guess {
             state: self.state.clone(),
             sticks: self.sticks,

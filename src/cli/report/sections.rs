@@ -16,7 +16,7 @@ use super::{Inputs, problem_hash};
 use crate::cli::{CliError, output};
 use crate::control::axis::Channel;
 use crate::control::plant::ModelClass;
-use crate::control::verify::Row;
+use crate::control::verify::{Row, Verdict};
 use crate::linear::frequency::{compare, log_grid};
 use crate::linear::model::{index_of, shown_per_si};
 use crate::linear::modes::{Mode, modes as modes_of};
@@ -116,7 +116,8 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
     let v = &checked.verification;
     let of = |class: ModelClass| v.rows.iter().filter(move |r| r.class == class);
     let met = |class: ModelClass| of(class).filter(|r| r.passed).count();
-    let stable = v.stability.iter().filter(|s| s.passed).count();
+    let judged = |verdict| v.stability.iter().filter(|s| s.passed && s.verdict == verdict).count();
+    let (stable, drifts) = (judged(Verdict::Stable), judged(Verdict::Drifts));
     let within = checked.authority.iter().filter(|a| a.passed).count();
     let mut text = format!(
         "Nominal model: {} of {} checks met. Other models: {} of {}. Closed loops stable: {} of \
@@ -130,6 +131,9 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
         within,
         checked.authority.len(),
     );
+    if drifts > 0 {
+        text += &format!(" {drifts} more drift slowly until the outer loops hold them.");
+    }
     if let Some(worst) = least(v.rows.iter()) {
         text += &format!(
             " The least design margin is {} %: {}.",
