@@ -11,6 +11,13 @@ use coaxdesign::control::{design::DesignError, testbed};
 fn with(f: impl Fn(&mut Specification)) -> Specification {
     let mut s = spec::builtin().unwrap_or_else(|r| panic!("{r}"));
     s.models.truncate(1);
+    // The built-in target is one of the CoAX 2D. The test bed is another
+    // aircraft: for it Level 1, 0.7 of 0.9 rad/s.
+    for channel in s.channels.iter_mut().filter(|c| c.channel == Channel::Yaw) {
+        for targets in [&mut channel.spec.nominal, &mut channel.spec.off_nominal] {
+            targets.drb = targets.drb.map(|drb| drb * 7.0 / 9.0);
+        }
+    }
     f(&mut s);
     s
 }

@@ -94,6 +94,10 @@ fn overrides_change_what_they_name_and_nothing_else() {
     appendix.name = base.name.clone();
     appendix.description = base.description.clone();
     appendix.inflow = base.inflow;
+    // Yaw inertia without the blades' own about their shafts.
+    let own: f64 = base.rotors.iter().map(|r| r.blades as f64 * r.blade_second_moment).sum();
+    assert!((appendix.mass.i_zz + own - base.mass.i_zz).abs() < 1e-9 * base.mass.i_zz);
+    appendix.mass.i_zz = base.mass.i_zz;
     appendix.fuselages = base.fuselages.clone();
     for (rotor, original) in appendix.rotors.iter_mut().zip(&base.rotors) {
         assert_eq!(rotor.hub.water_line, original.hub.water_line);
