@@ -94,7 +94,7 @@ paper's law on purpose: velocity terms are inverted in part, and feedback has an
 (`docs/decisions/feedback-allocation.md`). At speed the yaw loop's gain may dip below 1 before its last crossing, which is
 the one that counts. In flight the law also follows two powers that change away from the schedule's trims, of the pedals
 with collective and of rotor lift with the tail's load (`docs/theory/control.md`). To 60 kt the paper's manoeuvre is then
-flown within all bounds; to 80 kt in the same time pitch strays by more than 10°, since longitudinal cyclic loses its power
+flown within all bounds; to 80 kt in the same time pitch strays by 5°, since longitudinal cyclic loses its power
 over pitch there under the printed rigging, in the climb still sooner.
 
 ";
