@@ -28,8 +28,11 @@ use crate::vehicle::Vehicle;
 
 /// States kept by the published models.
 pub(super) const RIGID_BODY: [&str; 8] = ["u", "v", "w", "p", "q", "r", "phi", "theta"];
-/// Printed entries of A and B below this, in the printed units, are rounding.
+/// Printed entries of A and B above this, in the printed units, are judged by
+/// their ratio, the rest by their difference.
 const SMALLEST_ENTRY: f64 = 0.01;
+/// A difference of a small entry that is not worth a word.
+const SMALL_DIFFERENCE: f64 = 0.005;
 
 /// What the numbers mean, and what was tried on those that do not fit.
 const INTRODUCTION: &str = include_str!("validate.md");
@@ -483,8 +486,12 @@ fn known_misfit(condition: Condition, row: &str, column: &str) -> &'static str {
 }
 
 fn entries(model: &StateSpace, condition: Condition, speed: f64) -> Result<String, CliError> {
-    let entries = compare_with_appendix(model, condition, SMALLEST_ENTRY)
-        .map_err(|error| CliError::Internal(error.to_string()))?;
+    let (large, small): (Vec<_>, Vec<_>) = compare_with_appendix(model, condition, 0.0)
+        .map_err(|error| CliError::Internal(error.to_string()))?
+        .into_iter()
+        // Kinematics and gravity are the same by construction.
+        .filter(|entry| entry.row != "phi" && entry.row != "theta")
+        .partition(|entry| entry.printed.abs() > SMALLEST_ENTRY);
     let mut table = Table::new(
         "",
         vec![
@@ -495,11 +502,7 @@ fn entries(model: &StateSpace, condition: Condition, speed: f64) -> Result<Strin
             Column::text("within 10 %"),
         ],
     );
-    for entry in &entries {
-        // Kinematics and gravity are the same by construction.
-        if entry.row == "phi" || entry.row == "theta" {
-            continue;
-        }
+    for entry in &large {
         table.row([
             Cell::from(format!("({}, {})", entry.row, entry.column)),
             Cell::from(entry.printed),
@@ -512,11 +515,33 @@ fn entries(model: &StateSpace, condition: Condition, speed: f64) -> Result<Strin
             }),
         ]);
     }
+    let mut rest = Table::new(
+        "",
+        vec![
+            Column::text("entry"),
+            Column::number("paper", "", Digits::Decimals(4)),
+            Column::number("ours", "", Digits::Decimals(4)),
+            Column::number("difference", "", Digits::Decimals(4)),
+            Column::text(&format!("within {SMALL_DIFFERENCE}")),
+        ],
+    );
+    for entry in &small {
+        let difference = entry.computed - entry.printed;
+        rest.row([
+            Cell::from(format!("({}, {})", entry.row, entry.column)),
+            Cell::from(entry.printed),
+            Cell::from(entry.computed),
+            Cell::from(difference),
+            Cell::from(verdict(difference.abs() <= SMALL_DIFFERENCE)),
+        ]);
+    }
     Ok(format!(
         "### Appendix \"{:.0} kt\" beside ours at {speed:.0} kt\n\nUnits ft, s, rad, percent \
-         stick; entries above {SMALLEST_ENTRY} in print.\n\n{}\n",
+         stick; entries above {SMALLEST_ENTRY} in print.\n\n{}\nThe rest, where print is not \
+         zero:\n\n{}\n",
         condition.printed_speed_kt(),
-        table.to_markdown()
+        table.to_markdown(),
+        rest.to_markdown()
     ))
 }
 
