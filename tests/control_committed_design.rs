@@ -1,8 +1,9 @@
-//! `designs/coax2d` is what the code makes of the built-in problem and
-//! specification: `coaxdesign tune-gains -o designs/coax2d --force`.
+//! The kept designs are what the code makes of the built-in problem and the
+//! specifications beside it.
 
+use coaxdesign::control::axis::Channel;
 use coaxdesign::control::models::build;
-use coaxdesign::control::plant::Inversion;
+use coaxdesign::control::plant::{Inversion, ModelSet};
 use coaxdesign::control::spec;
 use coaxdesign::control::verify::{Row, Verification, verify};
 use coaxdesign::problem::builtin_named;
@@ -13,26 +14,79 @@ use coaxdesign::units::KNOT;
 /// some hundredfold; a change of the model or of the gains shows far above.
 const TOLERANCE: f64 = 1e-4;
 
-const COMMAND: &str = "regenerate with `coaxdesign tune-gains -o designs/coax2d --force`";
-
-fn read(name: &str) -> String {
-    let path = format!("{}/designs/coax2d/{name}", env!("CARGO_MANIFEST_DIR"));
+fn read(path: &str) -> String {
+    let path = format!("{}/{path}", env!("CARGO_MANIFEST_DIR"));
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-fn schedule() -> Schedule {
-    Schedule::from_json(&read("schedule.json")).unwrap_or_else(|e| panic!("{e}; {COMMAND}"))
+/// A kept design of the built-in problem.
+struct Kept {
+    /// Its directory.
+    design: &'static str,
+    /// The specification that it is tuned to.
+    specification: &'static str,
+}
+
+const KEPT: [Kept; 2] = [
+    Kept { design: "designs/coax2d", specification: "problems/hq.toml" },
+    Kept { design: "designs/coax2d-level1", specification: "problems/hq-level1.toml" },
+];
+
+impl Kept {
+    fn read(&self, name: &str) -> String {
+        read(&format!("{}/{name}", self.design))
+    }
+
+    fn schedule(&self) -> Schedule {
+        Schedule::from_json(&self.read("schedule.json"))
+            .unwrap_or_else(|e| panic!("{e}; {}", self.command()))
+    }
+
+    fn specification(&self) -> String {
+        read(self.specification)
+    }
+
+    fn command(&self) -> String {
+        format!(
+            "regenerate with `coaxdesign tune-gains --spec {} -o {} --force`",
+            self.specification, self.design
+        )
+    }
 }
 
 /// A design of another problem or specification than those of this tree is
 /// stale, whatever its numbers are.
 #[test]
-fn the_design_is_of_these_inputs() {
+fn the_designs_are_of_these_inputs() {
     let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}"));
-    let p = schedule().provenance;
     let texts = hash(problem.sources.files().iter().map(|f| f.text.as_str()));
-    assert_eq!(p.problem_hash, texts, "the problem has changed; {COMMAND}");
-    assert_eq!(p.specification_hash, hash([spec::BUILTIN]), "the targets have changed; {COMMAND}");
+    for kept in KEPT {
+        let (p, command) = (kept.schedule().provenance, kept.command());
+        assert_eq!(p.problem_hash, texts, "the problem has changed; {command}");
+        let targets = hash([kept.specification().as_str()]);
+        assert_eq!(p.specification_hash, targets, "the targets have changed; {command}");
+    }
+    assert_eq!(KEPT[0].specification(), spec::BUILTIN);
+}
+
+/// Every target of the kept designs is met, with Level 1 in every axis for the
+/// faster hardware, and no model has been left out.
+#[test]
+fn the_designs_meet_their_targets() {
+    for kept in KEPT {
+        let v: serde_json::Value = serde_json::from_str(&kept.read("verification.json")).unwrap();
+        assert_eq!(v["passed"], true, "{}", kept.design);
+        assert!(v["left_out"].as_array().unwrap().is_empty(), "{}", kept.design);
+        assert!(kept.schedule().requirements_met);
+    }
+    // Usual figures of Level 1: docs/specs.md.
+    let level_1 = spec::parse("hq-level1.toml", &KEPT[1].specification()).unwrap();
+    let usual =
+        [(Channel::Roll, 0.9), (Channel::Pitch, 0.5), (Channel::Yaw, 0.7), (Channel::Heave, 1.0)];
+    for (channel, drb) in usual {
+        let asked = level_1.channels.iter().find(|c| c.channel == channel).unwrap();
+        assert!(asked.spec.nominal.drb.unwrap() >= drb, "{channel:?}");
+    }
 }
 
 /// Numbers of a row that do not hang on which requirement happens to bind.
@@ -51,63 +105,68 @@ fn numbers(r: &Row) -> [Option<f64>; 9] {
 }
 
 /// Freshly computed models at two breakpoints and between, from trims that go
-/// through the same speeds as those of the design: the same inversion and the
+/// through the same speeds as those of the designs: the same inversion and the
 /// same verification as in the files.
 #[test]
-fn the_design_is_what_the_code_makes() {
+fn the_designs_are_what_the_code_makes() {
     let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}")).problem;
-    let mut spec = spec::builtin().unwrap_or_else(|r| panic!("{r}"));
-    let kept: Verification = serde_json::from_value({
-        let mut v: serde_json::Value = serde_json::from_str(&read("verification.json")).unwrap();
+    let nominal = &spec::builtin().unwrap_or_else(|r| panic!("{r}")).models[..1];
+    let speeds: Vec<f64> = (0..=18).map(|k| 5.0 * f64::from(k) * KNOT).collect();
+    let mut built = build(&problem, nominal, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(built.left_out.is_empty());
+    let looked_at = [20.0, 25.0, 90.0].map(|kt| kt * KNOT);
+    let near = |speed: f64| looked_at.iter().any(|at| (at - speed).abs() < 1e-6);
+    built.set.plants.retain(|plants| near(plants[0].speed));
+    assert_eq!(built.set.plants.len(), looked_at.len());
+    for kept in KEPT {
+        holds(&kept, &built.set);
+    }
+}
+
+fn holds(kept: &Kept, set: &ModelSet) {
+    let command = kept.command();
+    let mut spec = spec::parse(kept.specification, &kept.specification()).unwrap();
+    spec.models.truncate(1);
+    let verification: Verification = serde_json::from_value({
+        let mut v: serde_json::Value =
+            serde_json::from_str(&kept.read("verification.json")).unwrap();
         for extra in ["authority", "explanations", "prices", "left_out"] {
             v.as_object_mut().unwrap().remove(extra);
         }
         v
     })
     .unwrap();
-    let schedule = schedule();
-    let table = schedule.law().unwrap();
-    assert_eq!(kept.passed, schedule.requirements_met);
-    assert!(kept.stability.iter().all(|s| s.passed));
-
-    spec.models.truncate(1);
-    let speeds: Vec<f64> = (0..=18).map(|k| 5.0 * f64::from(k) * KNOT).collect();
-    let mut built =
-        build(&problem, &spec.models, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
-    assert!(built.left_out.is_empty());
-    let looked_at = [20.0, 25.0, 90.0].map(|kt| kt * KNOT);
-    let near = |speed: f64| looked_at.iter().any(|at| (at - speed).abs() < 1e-6);
-    built.set.plants.retain(|plants| near(plants[0].speed));
-    assert_eq!(built.set.plants.len(), looked_at.len());
-    for plants in [&built.set.plants[0], &built.set.plants[2]] {
+    assert!(verification.stability.iter().all(|s| s.passed));
+    let table = kept.schedule().law().unwrap();
+    for plants in [&set.plants[0], &set.plants[2]] {
         let (fresh, held) =
             (Inversion::new(&plants[0]).unwrap(), table.at(plants[0].speed).inversion);
         for (name, a, b) in [
             ("decoupling", fresh.decoupling, held.decoupling),
             ("allocation", fresh.allocation, held.allocation),
         ] {
-            assert!((a - b).amax() < TOLERANCE * b.amax(), "{name} differs: {a}{b}{COMMAND}");
+            assert!((a - b).amax() < TOLERANCE * b.amax(), "{name} differs: {a}{b}{command}");
         }
         assert!((fresh.feedback - held.feedback).amax() < TOLERANCE * held.feedback.amax());
     }
-    let found = verify(&table, &built.set, &spec.hardware, &spec).unwrap();
+    let found = verify(&table, set, &spec.hardware, &spec).unwrap();
     assert!(!found.rows.is_empty());
     for r in &found.rows {
         let same = |k: &&Row| {
             k.axis == r.axis && k.model == r.model && (k.speed_m_s - r.speed_m_s).abs() < 1e-6
         };
-        let k = kept.rows.iter().find(same).unwrap_or_else(|| {
-            panic!("no row for {} at {:.2} m/s; {COMMAND}", r.axis, r.speed_m_s)
+        let k = verification.rows.iter().find(same).unwrap_or_else(|| {
+            panic!("no row for {} at {:.2} m/s; {command}", r.axis, r.speed_m_s)
         });
         for (a, b) in numbers(r).into_iter().zip(numbers(k)) {
             match (a, b) {
                 (Some(a), Some(b)) => assert!(
                     (a - b).abs() <= TOLERANCE * b.abs().max(1.0),
-                    "{} at {:.2} m/s: {a} now, {b} in the file; {COMMAND}",
+                    "{} at {:.2} m/s: {a} now, {b} in the file; {command}",
                     r.axis,
                     r.speed_m_s
                 ),
-                (a, b) => assert_eq!(a, b, "{} at {:.2} m/s; {COMMAND}", r.axis, r.speed_m_s),
+                (a, b) => assert_eq!(a, b, "{} at {:.2} m/s; {command}", r.axis, r.speed_m_s),
             }
         }
         assert_eq!(r.passed, k.passed);

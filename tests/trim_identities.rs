@@ -171,26 +171,28 @@ fn manoeuvres() -> [(&'static str, FlightCondition); 6] {
 }
 
 /// The shafts' power is induced, profile, parasite and climb power, to 1e-6.
+/// The published matrices' rule for in-plane moments is not the mechanics of a
+/// hinge; what it takes from the shafts beyond is counted by itself.
 #[test]
 fn shaft_power_is_accounted_for() {
     for name in ["coax2d", "coax2d-appendix", "coax2d-physics"] {
-        let mut p = coarsened(problem(name));
-        for rotor in &mut p.rotors {
-            // The published matrices' rule is not the mechanics of a hinge:
-            // see the next test.
-            rotor.teeter_torque_tilt = true;
-        }
-        let vehicle = vehicle(&p);
+        let vehicle = vehicle(&coarsened(problem(name)));
+        let mut most_untilted = 0.0_f64;
         for (what, condition) in manoeuvres() {
             let point = trimmed(&vehicle, condition, &Options::default());
-            let imbalance = point.power.imbalance();
-            println!("{name}, {what}: {imbalance:.1e} of {:.0} W", point.power.shaft);
-            assert!(imbalance.abs() < 1e-6, "{name}, {what}: {imbalance:.1e}");
-            assert!(point.power.induced > 0.0 && point.power.profile > 0.0);
-            assert!(
-                (point.power.climb - vehicle.mass * GRAVITY * condition.climb_rate).abs() < 1.0
+            let power = point.power;
+            let imbalance = power.imbalance();
+            println!(
+                "{name}, {what}: {imbalance:.1e} of {:.0} W, untilted {:.1e} W",
+                power.shaft, power.untilted
             );
+            assert!(imbalance.abs() < 1e-6, "{name}, {what}: {imbalance:.1e}");
+            assert!(power.induced > 0.0 && power.profile > 0.0);
+            assert!((power.climb - vehicle.mass * GRAVITY * condition.climb_rate).abs() < 1.0);
+            most_untilted = most_untilted.max((power.untilted / power.shaft).abs());
         }
+        // Without it the balance would not close where the rule holds.
+        assert_eq!(most_untilted > 1e-6, name == "coax2d-appendix", "{name}: {most_untilted:.1e}");
     }
 }
 
@@ -216,25 +218,6 @@ fn small_angle_loads_keep_the_balance_of_power() {
         let full = trimmed(&exact, condition, &Options::default());
         assert_relative_eq!(point.power.shaft, full.power.shaft, max_relative = 0.05);
     }
-}
-
-/// In-plane moments about the shaft although the blades teeter (the published
-/// matrices) break the balance a little: by moments of a few hundred N m times
-/// a few hundredths of a radian of teetering, at the rates of the blades.
-#[test]
-fn untilted_torque_breaks_the_energy_balance_slightly() {
-    let vehicle = vehicle(&coarsened(problem("coax2d-appendix")));
-    let imbalances: Vec<f64> = manoeuvres()
-        .iter()
-        .map(|(what, condition)| {
-            let imbalance = trimmed(&vehicle, *condition, &Options::default()).power.imbalance();
-            println!("{what}: {imbalance:.1e}");
-            imbalance.abs()
-        })
-        .collect();
-    let worst = imbalances.iter().copied().fold(0.0, f64::max);
-    assert!(worst > 1e-6, "the switch does nothing: {worst:.1e}");
-    assert!(worst < 0.02, "{worst:.1e}");
 }
 
 // --- Flight mechanics -------------------------------------------------------------------

@@ -332,20 +332,52 @@ const SHALLOW: f64 = 0.25;
 #[inline(always)]
 #[must_use]
 pub fn arc_tangent(y: f64, x: f64) -> f64 {
-    if y.abs() <= SHALLOW * x && x > 0.0 { arc_tangent_series(y / x) } else { steep(y, x) }
+    if is_shallow(y, x) { arc_tangent_series(y / x) } else { steep(y, x) }
+}
+
+/// [`arc_tangent`] of several points. One that is steep takes all of them out
+/// of the fast path; the bits are the same.
+#[inline(always)]
+pub(crate) fn arc_tangents<const K: usize>(y: &[f64; K], x: &[f64; K]) -> [f64; K] {
+    let mut steep = false;
+    for k in 0..K {
+        steep |= !is_shallow(y[k], x[k]);
+    }
+    if steep {
+        std::array::from_fn(|k| arc_tangent(y[k], x[k]))
+    } else {
+        std::array::from_fn(|k| arc_tangent_series(y[k] / x[k]))
+    }
+}
+
+#[inline(always)]
+fn is_shallow(y: f64, x: f64) -> bool {
+    (y.abs() <= SHALLOW * x) & (x > 0.0)
 }
 
 /// arctan t for |t| ≤ 1/4: the series to t²⁵, whose next term is below 1e-17.
 #[inline(always)]
 fn arc_tangent_series(t: f64) -> f64 {
+    // (−1)^k/(2k + 1): dividing by each where it stands would cost more than
+    // all the rest.
+    const S: [f64; 13] = {
+        let mut series = [0.0; 13];
+        let mut k = 0;
+        while k < 13 {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            series[k] = sign / (2 * k + 1) as f64;
+            k += 1;
+        }
+        series
+    };
     let y = t * t;
-    let (y2, one) = (y * y, 1.0);
+    let y2 = y * y;
     let y4 = y2 * y2;
     // Estrin's scheme: short chains of dependent products.
-    let a = (one - y / 3.0) + y2 * (0.2 - y / 7.0);
-    let b = (one / 9.0 - y / 11.0) + y2 * (one / 13.0 - y / 15.0);
-    let c = (one / 17.0 - y / 19.0) + y2 * (one / 21.0 - y / 23.0);
-    t * (a + y4 * (b + y4 * (c + y4 * (one / 25.0))))
+    let a = (S[0] + y * S[1]) + y2 * (S[2] + y * S[3]);
+    let b = (S[4] + y * S[5]) + y2 * (S[6] + y * S[7]);
+    let c = (S[8] + y * S[9]) + y2 * (S[10] + y * S[11]);
+    t * (a + y4 * (b + y4 * (c + y4 * S[12])))
 }
 
 /// [`arc_tangent`] anywhere: the first octant by

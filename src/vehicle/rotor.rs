@@ -24,7 +24,7 @@
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
 //! hub, belongs to the airframe (see `MassProperties`).
 
-use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent};
+use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
 use crate::problem::{self, HubKind, Spanwise};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
@@ -43,6 +43,22 @@ struct Element {
     twist: f64,
     /// Fraction of the element inside the tip-loss radius.
     lifting: f64,
+}
+
+/// Elements that are taken side by side.
+const LANES: usize = 4;
+
+impl Element {
+    /// f_T, f_P, r f_T, r f_P: N and N m, from the flow along and across, its
+    /// speed, and the section's coefficients.
+    #[inline(always)]
+    fn loads(&self, ut: f64, up: f64, u: f64, lift: f64, drag: f64) -> [f64; 4] {
+        let lift = lift * self.lifting;
+        let k = self.half_density_area * u;
+        let f_t = k * (lift * up - drag * ut);
+        let f_p = -k * (lift * ut + drag * up);
+        [f_t, f_p, self.radius * f_t, self.radius * f_p]
+    }
 }
 
 /// Linear lift and constant drag for flow along the chord (Eqs. 35).
@@ -317,6 +333,17 @@ impl Rotor {
     /// Loads on a hub that does not accelerate.
     #[inline(always)]
     pub fn loads<S: Scalar>(&self, input: &RotorInput<S>, shaft: &Shaft<S>) -> RotorLoads<S> {
+        self.loads_tilting(input, shaft, self.teeter_torque_tilt)
+    }
+
+    /// [`Rotor::loads`], with in-plane moments that tilt with the blades or not.
+    #[inline(always)]
+    fn loads_tilting<S: Scalar>(
+        &self,
+        input: &RotorInput<S>,
+        shaft: &Shaft<S>,
+        torque_tilts: bool,
+    ) -> RotorLoads<S> {
         let [l0, l1c, l1s] = input.inflow;
         let [vx, vy, vz] = input.velocity_hub.0;
         let [p, q, r] = input.rate_hub.0;
@@ -384,11 +411,6 @@ impl Rotor {
             moment += Vec3([-(c * mx + s * my), s * mx - c * my, mz]);
         }
 
-        let scale = 1.0 / self.force_scale();
-        let thrust_coefficient = force.0[2] * -scale;
-        let roll_coefficient = moment.0[0] * (scale / self.radius);
-        let pitch_coefficient = moment.0[1] * (scale / self.radius);
-
         // The blades as one rigid body in the T frame of blade 1.
         let (s, c) = (shaft.sine, shaft.cosine);
         let omega_x = q * s - p * c;
@@ -418,18 +440,24 @@ impl Rotor {
         let (mx_f, my_f) =
             (s * moment.0[1] - c * moment.0[0], -(s * moment.0[0] + c * moment.0[1]));
         let moment_f = [mx_f, my_f, moment.0[2]];
-        // In-plane moments tilt with the blades; the switch leaves them
-        // about the shaft and the spanwise line in the disk.
-        let (mt_s, mt_c) = if self.teeter_torque_tilt {
-            (tilt_s, tilt_c)
-        } else {
-            (S::default(), S::constant(1.0))
-        };
         let aero_t = [
-            mt_c * moment_f[0] - mt_s * moment_f[2],
+            tilt_c * moment_f[0] - tilt_s * moment_f[2],
             moment_f[1],
-            mt_s * moment_f[0] + mt_c * moment_f[2],
+            tilt_s * moment_f[0] + tilt_c * moment_f[2],
         ];
+        // In-plane moments tilt with the blades; the switch leaves them about
+        // the shaft and the spanwise line in the disk, those of the air too.
+        let untilted = self.teetering && !torque_tilts;
+        let (mt_s, mt_c) =
+            if untilted { (S::default(), S::constant(1.0)) } else { (tilt_s, tilt_c) };
+        if untilted {
+            moment =
+                Vec3([-(c * aero_t[0] + s * aero_t[1]), s * aero_t[0] - c * aero_t[1], aero_t[2]]);
+        }
+        let scale = 1.0 / self.force_scale();
+        let thrust_coefficient = force.0[2] * -scale;
+        let roll_coefficient = moment.0[0] * (scale / self.radius);
+        let pitch_coefficient = moment.0[1] * (scale / self.radius);
         let gyro_y = wx * wz * (jx - jz);
         let (alpha_y, teeter_acceleration, hub_my) = if self.teetering {
             let spring = beta_t1 * self.spring;
@@ -496,6 +524,22 @@ impl Rotor {
         acceleration_hub: Vec3<S>,
         angular_acceleration_hub: Vec3<S>,
     ) -> (Vec3<S>, Vec3<S>, S) {
+        self.acceleration_loads_tilting(
+            blades,
+            acceleration_hub,
+            angular_acceleration_hub,
+            self.teeter_torque_tilt,
+        )
+    }
+
+    #[inline(always)]
+    fn acceleration_loads_tilting<S: Scalar>(
+        &self,
+        blades: &[Vec3<S>; 3],
+        acceleration_hub: Vec3<S>,
+        angular_acceleration_hub: Vec3<S>,
+        torque_tilts: bool,
+    ) -> (Vec3<S>, Vec3<S>, S) {
         let a = blades.map(|row| row.dot(acceleration_hub));
         let w = blades.map(|row| row.dot(angular_acceleration_hub));
         let sz = self.first_moment;
@@ -510,7 +554,7 @@ impl Rotor {
         let moment = [w[0] * -jx + a[1] * sz, my, w[2] * -jz];
         let back =
             |t: [S; 3]| blades[0].scale(t[0]) + blades[1].scale(t[1]) + blades[2].scale(t[2]);
-        let moment_hub = if self.teeter_torque_tilt || !self.teetering {
+        let moment_hub = if torque_tilts || !self.teetering {
             back(moment)
         } else {
             // In-plane moments about the shaft and the line of the blades.
@@ -570,22 +614,43 @@ impl Rotor {
         let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
         let inverse_sound = 1.0 / self.sound_speed;
         let mut sum = [0.0; 4];
-        for element in &self.elements {
+        // A few elements side by side, which all but the table can be in
+        // vector instructions.
+        let (blocks, rest) = self.elements.as_chunks::<LANES>();
+        for block in blocks {
+            let [mut ut, mut up, mut u, mut mach] = [[0.0; LANES]; 4];
+            for k in 0..LANES {
+                let r = block[k].radius;
+                let ur = r0 + r1 * r;
+                (ut[k], up[k]) = (t0 + t1 * r, p0 + p1 * r);
+                let u2 = ut[k] * ut[k] + up[k] * up[k];
+                u[k] = u2.sqrt();
+                mach[k] = (u2 + ur * ur).sqrt() * inverse_sound;
+            }
+            let angle = arc_tangents(&up, &ut);
+            let [mut lift, mut drag] = [[0.0; LANES]; 2];
+            for k in 0..LANES {
+                let alpha = pitch + block[k].twist + angle[k];
+                (lift[k], drag[k]) = self.section.lift_drag(alpha, mach[k]);
+            }
+            for k in 0..LANES {
+                let loads = block[k].loads(ut[k], up[k], u[k], lift[k], drag[k]);
+                for (sum, load) in sum.iter_mut().zip(loads) {
+                    *sum += load;
+                }
+            }
+        }
+        for element in rest {
             let r = element.radius;
             let (ut, up, ur) = (t0 + t1 * r, p0 + p1 * r, r0 + r1 * r);
             let u2 = ut * ut + up * up;
-            let u = u2.sqrt();
             let mach = (u2 + ur * ur).sqrt() * inverse_sound;
             let alpha = pitch + element.twist + arc_tangent(up, ut);
             let (lift, drag) = self.section.lift_drag(alpha, mach);
-            let lift = lift * element.lifting;
-            let k = element.half_density_area * u;
-            let f_t = k * (lift * up - drag * ut);
-            let f_p = -k * (lift * ut + drag * up);
-            sum[0] += f_t;
-            sum[1] += f_p;
-            sum[2] += r * f_t;
-            sum[3] += r * f_p;
+            let loads = element.loads(ut, up, u2.sqrt(), lift, drag);
+            for (sum, load) in sum.iter_mut().zip(loads) {
+                *sum += load;
+            }
         }
         sum
     }
@@ -684,6 +749,30 @@ impl Rotor {
         let mut probe = PowerProbe { rotor: self, power: BladePower::default() };
         probe.run(input, shaft);
         probe.power
+    }
+
+    /// Shaft power, W, that goes into no work of the blades, because in-plane
+    /// moments are left about the shaft while the blades teeter: the work of
+    /// the moment on the hub less that of the tilted one. Zero where moments
+    /// tilt. `acceleration` holds the hub's acceleration less gravity and its
+    /// angular acceleration, hub frame.
+    #[must_use]
+    pub fn untilted_power(
+        &self,
+        input: &RotorInput<f64>,
+        shaft: &Shaft<f64>,
+        blades: &[Vec3<f64>; 3],
+        acceleration: (Vec3<f64>, Vec3<f64>),
+    ) -> f64 {
+        if self.teeter_torque_tilt || !self.teetering {
+            return 0.0;
+        }
+        let moment = |tilts: bool| {
+            self.loads_tilting(input, shaft, tilts).moment_hub
+                + self.acceleration_loads_tilting(blades, acceleration.0, acceleration.1, tilts).1
+        };
+        let surplus = moment(false) - moment(true);
+        surplus.0[2] * shaft.speed - surplus.dot(input.rate_hub)
     }
 }
 
