@@ -49,6 +49,7 @@ fn at_rest() -> RotorInput<f64> {
     RotorInput {
         velocity_hub: Vec3([0.0; 3]),
         rate_hub: Vec3([0.0; 3]),
+        air_rate_hub: [0.0; 3],
         flapping: [0.0; 2],
         inflow: [0.0; 3],
         pitch: [0.0; 3],
@@ -425,6 +426,7 @@ fn swashplate_phase_turns_the_cyclic() {
         let input = |pitch| RotorInput {
             velocity_hub: Vec3([25.0, 3.0, -1.0]),
             rate_hub: Vec3([0.1, 0.2, -0.1]),
+            air_rate_hub: [0.03, -0.02, 0.05],
             flapping: [0.02, 0.01],
             inflow: [0.03, 0.01, 0.0],
             pitch,
@@ -453,6 +455,7 @@ fn shaft_power_of_a_rigid_rotor_is_what_the_air_takes() {
         let input = RotorInput {
             velocity_hub: Vec3(velocity),
             rate_hub: Vec3([0.0; 3]),
+            air_rate_hub: [0.0; 3],
             flapping: [0.0; 2],
             inflow: [0.03, 0.012, -0.007],
             pitch: [0.16, 0.01, -0.03],

@@ -122,6 +122,10 @@ fn turbulence_repeats_by_seed() {
     let at = |seed| flown(&rough, &Options { seed, ..options() });
     assert_eq!(at(7), at(7));
     assert!(largest_difference(&at(7).0, &at(8).0) > 1e-3);
+    // The air's turning is felt beside its velocity, which is the same.
+    let plain = doublet("[turbulence]\nwind_at_20_ft = \"15 kt\"\nrates = false\n");
+    let without = flown(&plain, &Options { seed: 7, ..options() });
+    assert!(largest_difference(&at(7).0, &without.0) > 1e-3);
 }
 
 /// The transport delay that is simulated is the one asked for, to half a tick.

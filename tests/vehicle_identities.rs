@@ -11,7 +11,8 @@ use coaxdesign::problem::{
     WingModel,
 };
 use coaxdesign::vehicle::frames::body_to_hub;
-use coaxdesign::vehicle::{Layout, Vehicle, VehicleError};
+use coaxdesign::vehicle::output::Output;
+use coaxdesign::vehicle::{AirMotion, Layout, Vehicle, VehicleError};
 use common::{constant, lively, mirror_signs, mirrored, problem, rates, vehicle};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -84,6 +85,117 @@ fn variants() -> Vec<Problem> {
             }
         }),
     ]
+}
+
+/// Rates and output in air that moves.
+#[inline(never)]
+fn in_air(
+    vehicle: &Vehicle,
+    state: &[f64],
+    effectors: &[f64],
+    air: AirMotion,
+) -> (Vec<f64>, Output) {
+    let mut work = vehicle.workspace::<f64>();
+    let mut rates = vec![0.0; vehicle.state_count()];
+    vehicle.rates(0.8, state, effectors, air, &mut work, &mut rates);
+    let output = vehicle.output(state, effectors, air, &work);
+    (rates, output)
+}
+
+/// The same aircraft where there is no air: inertia, gravity and springs are
+/// left.
+fn airless(p: &Problem) -> Problem {
+    let mut p = p.clone();
+    p.wings.clear();
+    p.fuselages.clear();
+    p.inflow.interactions = false;
+    for rotor in &mut p.rotors {
+        rotor.chord = constant(0.0);
+    }
+    p
+}
+
+/// An aircraft that moves and turns with the air meets what a still one meets
+/// in still air: every aerodynamic load is the same, and the accelerations
+/// differ by what inertia alone makes of the motion. The latter comes from
+/// the same aircraft without air.
+#[test]
+fn turning_with_the_air_is_inertia_alone() {
+    for p in variants() {
+        let (vehicle, void) = (vehicle(&p), vehicle(&airless(&p)));
+        let (moving, effectors) = lively(&vehicle);
+        let body = Layout::BODY;
+        let air = AirMotion {
+            velocity: [1.1, -0.6, 0.4],
+            rate: [moving[body.rate], moving[body.rate + 1], moving[body.rate + 2]],
+        };
+        let mut still = moving.clone();
+        for k in 0..3 {
+            still[body.velocity + k] -= air.velocity[k];
+            still[body.rate + k] = 0.0;
+        }
+        let both = |vehicle: &Vehicle| {
+            let (with, loads) = in_air(vehicle, &moving, &effectors, air);
+            let (without, same) = in_air(vehicle, &still, &effectors, AirMotion::default());
+            let apart: Vec<f64> = with.iter().zip(&without).map(|(a, b)| a - b).collect();
+            (apart, loads, same)
+        };
+        let ((apart, loads, same), (inertial, ..)) = (both(&vehicle), both(&void));
+        let close = |a: f64, b: f64, size: f64, what: &str| {
+            assert!((a - b).abs() <= 1e-10 * size, "{}: {what}: {a} and {b}", p.name);
+        };
+        for (k, state) in vehicle.layout.states.iter().enumerate() {
+            if state.name.contains("lambda") {
+                // The loads that drive the inflow are the air's alone.
+                close(apart[k], 0.0, 1.0, &state.name);
+            } else {
+                close(apart[k], inertial[k], inertial[k].abs().max(1.0), &state.name);
+            }
+        }
+        // It is not empty: turning has its inertial loads.
+        assert!(inertial[..6].iter().any(|x| x.abs() > 0.1), "{}", p.name);
+        for (a, b) in
+            loads.wings.iter().chain(&loads.fuselages).zip(same.wings.iter().chain(&same.fuselages))
+        {
+            for k in 0..3 {
+                close(a.force_body[k], b.force_body[k], 100.0, "force of a body");
+                close(a.moment_body[k], b.moment_body[k], 100.0, "moment of a body");
+            }
+        }
+        for (a, b) in loads.rotors.iter().zip(&same.rotors) {
+            close(a.profile_power, b.profile_power, b.profile_power.abs(), "profile power");
+            close(a.induced_power, b.induced_power, b.induced_power.abs(), "induced power");
+        }
+        close(loads.parasite_power, same.parasite_power, same.parasite_power.abs(), "parasite");
+    }
+}
+
+/// Air that turns about a still aircraft is an aircraft that turns the other
+/// way in still air, as far as the air goes; and it is felt by every rotor.
+#[test]
+fn air_that_turns_is_an_aircraft_that_turns() {
+    for p in variants() {
+        let vehicle = vehicle(&p);
+        let (mut state, effectors) = lively(&vehicle);
+        let body = Layout::BODY;
+        let turning = [0.21, -0.14, 0.3];
+        state[body.rate..body.rate + 3].copy_from_slice(&turning);
+        let (aircraft, _) = in_air(&vehicle, &state, &effectors, AirMotion::default());
+        state[body.rate..body.rate + 3].fill(0.0);
+        let back = AirMotion { velocity: [0.0; 3], rate: turning.map(|rate| -rate) };
+        let (air, _) = in_air(&vehicle, &state, &effectors, back);
+        let (neither, _) = in_air(&vehicle, &state, &effectors, AirMotion::default());
+        for places in &vehicle.layout.rotors {
+            let mut felt = false;
+            for k in 0..3 {
+                let at = places.self_inflow + k;
+                let (a, b) = (air[at], aircraft[at]);
+                assert!((a - b).abs() < 1e-11, "{}: inflow {k}: {a} and {b}", p.name);
+                felt |= (a - neither[at]).abs() > 1e-3;
+            }
+            assert!(felt, "{}: a rotor does not feel the air turn", p.name);
+        }
+    }
 }
 
 /// Width of the duals of these tests.

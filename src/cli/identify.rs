@@ -13,7 +13,7 @@ use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
 use crate::control::axis::{Axis, Channel, GainSet};
 use crate::control::loops::{Cut, FrequencyModel, LoopModel};
-use crate::control::metrics::{self, Sampled, decibels};
+use crate::control::metrics::decibels;
 use crate::control::models::{airframe, from_state_space};
 use crate::control::plant::rigid;
 use crate::control::spec;
@@ -27,7 +27,7 @@ use crate::report::table::{Cell, Coloring, Column, Digits, Table};
 use crate::simulate::Options;
 use crate::simulate::flight::Autopilot;
 use crate::simulate::identify::{
-    self, Measured, PlantResponse, Record, Response, Sweep, measure_axes,
+    self, Measured, PlantResponse, Record, Response, SLOWEST_REJECTION, Sweep, measure_axes,
 };
 use crate::simulate::steps::{self, SmallStep};
 use crate::trim::{FlightCondition, Options as TrimOptions, sweep};
@@ -53,6 +53,12 @@ pub struct Identify {
     /// Fly small steps, and compare them in time
     #[arg(long)]
     steps: bool,
+    /// Factor on the amplitudes of all sweeps, to see how much is nonlinear
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, conflicts_with = "steps")]
+    amplitude: f64,
+    /// Length of each sweep; longer ones resolve more lines
+    #[arg(long, value_name = "TIME", default_value = "320 s", conflicts_with = "steps")]
+    sweep: String,
     /// Plot measured and predicted loops, or steps, to an SVG file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -64,6 +70,8 @@ pub struct Identify {
     run: RunArgs,
 }
 
+/// Shortest and longest sweep, s.
+const SWEEP_TIMES: [f64; 2] = [40.0, 3600.0];
 /// Frequencies at which the aircraft alone is measured, rad/s. Slower than this
 /// the law keeps its unstable modes so small that little of them is seen.
 const PLANT_FREQUENCIES: [f64; 2] = [1.0, 12.0];
@@ -83,7 +91,7 @@ fn plant_pairs(alone: &PlantResponse, exact: &FrequencyModel) -> Vec<Pair> {
             let stick = axis.effector().index();
             let measured = alone.element(state, stick).coherent();
             let cost = identify::mismatch(&measured, |w| exact.states(w)[state][stick]);
-            Pair { axis, quantity, unit: "J", measured: cost, predicted: None }
+            Pair { axis, quantity, unit: "J", measured: cost, interval: None, predicted: None }
         })
         .collect()
 }
@@ -94,6 +102,9 @@ struct Pair {
     quantity: &'static str,
     unit: &'static str,
     measured: Option<f64>,
+    /// Between which values it lies as the measurement is uncertain, where that
+    /// matters.
+    interval: Option<[Option<f64>; 2]>,
     predicted: Option<f64>,
 }
 
@@ -111,6 +122,7 @@ impl Identify {
                 help: "write one speed with its unit, such as --speed \"40 kt\"".into(),
             });
         };
+        let settings = self.settings()?;
         let loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let schedule = load_schedule(&self.design)?;
         let table = schedule.law().map_err(|error| CliError::Usage {
@@ -139,14 +151,12 @@ impl Identify {
                 .map_err(|error| CliError::Missed(error.to_string()))?;
             return self.show_steps(&list, speed);
         }
-        let measured =
-            measure_axes(&vehicle, &start, &law, &options, &Sweep::default(), &Axis::ALL)
-                .map_err(|error| CliError::Missed(error.to_string()))?;
+        let measured = measure_axes(&vehicle, &start, &law, &options, &settings, &Axis::ALL)
+            .map_err(|error| CliError::Missed(error.to_string()))?;
         let mut pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model, &gains)).collect();
         let records: Vec<Record> = measured.iter().map(|m| m.record.clone()).collect();
-        let sweep = Sweep::default();
         let period = 1.0 / options.control_rate;
-        let alone = identify::plant(&records, period, PLANT_FREQUENCIES, sweep.points);
+        let alone = identify::plant(&records, period, PLANT_FREQUENCIES, settings.points);
         let exact = FrequencyModel::new(&plant, schedule.hardware, 0.0)
             .map_err(|error| CliError::Missed(error.to_string()))?;
         pairs.extend(plant_pairs(&alone, &exact));
@@ -156,8 +166,10 @@ impl Identify {
         }
         let text = match self.format.format {
             Format::Json => {
-                let text = serde_json::to_string_pretty(&as_json(&pairs, &measured, speed))
-                    .map_err(|error| CliError::Internal(error.to_string()))?;
+                let text = serde_json::to_string_pretty(&as_json(
+                    &pairs, &measured, &model, &gains, speed,
+                ))
+                .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
             Format::Csv => as_table(&pairs, speed).to_csv(),
@@ -168,6 +180,27 @@ impl Identify {
 }
 
 impl Identify {
+    /// The sweeps asked for.
+    fn settings(&self) -> Result<Sweep, CliError> {
+        if !(self.amplitude.is_finite() && self.amplitude > 0.0) {
+            return Err(CliError::Usage {
+                message: format!("--amplitude {}: it is no positive number", self.amplitude),
+                help: "write a factor, such as --amplitude 0.5".into(),
+            });
+        }
+        let usage = |message: String| CliError::Usage {
+            message,
+            help: "write a time with its unit, such as --sweep \"320 s\"".into(),
+        };
+        let duration = crate::units::parse_quantity(&self.sweep, Kind::Time)
+            .map_err(|error| usage(format!("--sweep {:?}: {error}", self.sweep)))?;
+        if !(SWEEP_TIMES[0]..=SWEEP_TIMES[1]).contains(&duration) {
+            let [least, most] = SWEEP_TIMES;
+            return Err(usage(format!("--sweep {:?}: not within {least} to {most} s", self.sweep)));
+        }
+        Ok(Sweep { duration, ..Sweep::default().scaled(self.amplitude) })
+    }
+
     fn show_steps(&self, list: &[SmallStep], speed: f64) -> Result<Outcome, CliError> {
         if let Some(path) = &self.plot {
             let svg = steps_figure(list, speed);
@@ -271,46 +304,54 @@ fn steps_figure(list: &[SmallStep], speed: f64) -> String {
 fn pairs(m: &Measured, model: &LoopModel, gains: &GainSet) -> Vec<Pair> {
     let axis = m.axis;
     let channel = Channel::from(axis);
-    let mut list = Vec::new();
+    let mut list: Vec<Pair> = Vec::new();
     let mut add = |quantity, unit, measured: Option<f64>, predicted: Option<f64>| {
-        list.push(Pair { axis, quantity, unit, measured, predicted });
-    };
-    // Predicted where it was measured, so that both see the same crossings.
-    let predict = |response: &Response, exact: &dyn Fn(f64) -> Complex64| -> Response {
-        Response {
-            omega: response.omega.clone(),
-            value: response.omega.iter().map(|&w| exact(w)).collect(),
-            coherence: vec![1.0; response.omega.len()],
-        }
+        list.push(Pair { axis, quantity, unit, measured, interval: None, predicted });
     };
     let cut = m.cut.coherent();
-    let loop_at = |w: f64| model.loop_at(gains, channel, Cut::Effector, w);
-    let (flown, linear) = (cut.margins(), predict(&cut, &loop_at).margins());
+    let linear = predicted(&cut, |w| model.loop_at(gains, channel, Cut::Effector, w));
+    let (flown, linear) = (cut.margins(), linear.margins());
     add("crossover", "rad/s", flown.crossover, linear.crossover);
     let degrees = |x: Option<f64>| x.map(f64::to_degrees);
     add("phase margin", "deg", degrees(flown.phase), degrees(linear.phase));
     let db = |x: Option<f64>| x.map(decibels);
     add("gain margin up", "dB", db(flown.gain_up), db(linear.gain_up));
     add("gain margin down", "dB", db(flown.gain_down), db(linear.gain_down));
-    if let Some(s) = &m.sensitivity {
-        let s = s.coherent();
-        let exact = |w: f64| model.sensitivity_at(gains, channel, w);
-        let flown = s.rejection();
-        let values = predict(&s, &exact);
-        let linear = metrics::rejection(Sampled::new(&values.omega, &values.value));
-        // A sweep that begins above the lowest frequency still finds the
-        // crossing, if it is rejected there.
-        add("DRB", "rad/s", flown.bandwidth, linear.bandwidth);
-        add("DRP", "dB", Some(decibels(flown.peak)), Some(decibels(linear.peak)));
-    }
     if let Some(c) = &m.command {
         let c = c.coherent();
-        let exact = |w: f64| model.attitude_response_at(gains, axis, w);
-        let (flown, linear) = (c.bandwidth(), predict(&c, &exact).bandwidth());
+        let linear = predicted(&c, |w| model.attitude_response_at(gains, axis, w));
+        let (flown, linear) = (c.bandwidth(), linear.bandwidth());
         add("bandwidth", "rad/s", flown.phase_limited, linear.phase_limited);
         add("phase delay", "s", flown.phase_delay, linear.phase_delay);
     }
+    if let Some(s) = &m.sensitivity {
+        let s = s.coherent();
+        let linear = predicted(&s, |w| model.sensitivity_at(gains, channel, w));
+        let apart = s.largest_gap(&linear.value, SLOWEST_REJECTION);
+        let (flown, linear) = (s.rejection(), linear.rejection());
+        add("DRP", "dB", Some(decibels(flown.peak)), Some(decibels(linear.peak)));
+        add("|S|, apart at most", "dB", apart, None);
+        list.push(Pair {
+            axis,
+            quantity: "DRB",
+            unit: "rad/s",
+            measured: flown.bandwidth,
+            interval: Some(s.rejection_interval()),
+            predicted: linear.bandwidth,
+        });
+    }
     list
+}
+
+/// A prediction where something was measured, so that both see the same
+/// crossings.
+fn predicted(measured: &Response, exact: impl Fn(f64) -> Complex64) -> Response {
+    Response {
+        omega: measured.omega.clone(),
+        value: measured.omega.iter().map(|&w| exact(w)).collect(),
+        coherence: vec![1.0; measured.omega.len()],
+        lines: measured.lines.clone(),
+    }
 }
 
 fn difference(pair: &Pair) -> Option<f64> {
@@ -330,6 +371,8 @@ fn as_table(pairs: &[Pair], speed: f64) -> Table {
             Column::text("quantity"),
             Column::text("unit"),
             Column::number("measured", "", digits),
+            Column::number("at least", "", digits),
+            Column::number("at most", "", digits),
             Column::number("predicted", "", digits),
             Column::number("difference", "%", Digits::Decimals(1)),
         ],
@@ -340,6 +383,8 @@ fn as_table(pairs: &[Pair], speed: f64) -> Table {
             pair.quantity.into(),
             pair.unit.into(),
             pair.measured.into(),
+            pair.interval.and_then(|[low, _]| low).into(),
+            pair.interval.and_then(|[_, high]| high).into(),
             pair.predicted.into(),
             difference(pair).into(),
         ]);
@@ -347,7 +392,13 @@ fn as_table(pairs: &[Pair], speed: f64) -> Table {
     table
 }
 
-fn as_json(pairs: &[Pair], measured: &[Measured], speed: f64) -> Json {
+fn as_json(
+    pairs: &[Pair],
+    measured: &[Measured],
+    model: &LoopModel,
+    gains: &GainSet,
+    speed: f64,
+) -> Json {
     let numbers: Vec<Json> = pairs
         .iter()
         .map(|pair| {
@@ -356,27 +407,38 @@ fn as_json(pairs: &[Pair], measured: &[Measured], speed: f64) -> Json {
                 "quantity": pair.quantity,
                 "unit": pair.unit,
                 "measured": pair.measured,
+                "measured_interval": pair.interval,
                 "predicted": pair.predicted,
                 "difference_percent": difference(pair),
             })
         })
         .collect();
-    let response = |r: &Response| {
+    let real = |r: &Response| r.value.iter().map(|v| v.re).collect::<Vec<_>>();
+    let imaginary = |r: &Response| r.value.iter().map(|v| v.im).collect::<Vec<_>>();
+    let response = |r: &Response, exact: &dyn Fn(f64) -> Complex64| {
+        let linear = predicted(r, exact);
         json!({
             "omega_rad_s": r.omega,
-            "real": r.value.iter().map(|v| v.re).collect::<Vec<_>>(),
-            "imaginary": r.value.iter().map(|v| v.im).collect::<Vec<_>>(),
+            "real": real(r),
+            "imaginary": imaginary(r),
             "coherence": r.coherence,
+            "standard_error": r.standard_errors().collect::<Vec<_>>(),
+            "predicted_real": real(&linear),
+            "predicted_imaginary": imaginary(&linear),
         })
     };
     let responses: Vec<Json> = measured
         .iter()
         .map(|m| {
+            let channel = Channel::from(m.axis);
+            let cut = |w: f64| model.loop_at(gains, channel, Cut::Effector, w);
+            let sensitivity = |w: f64| model.sensitivity_at(gains, channel, w);
+            let command = |w: f64| model.attitude_response_at(gains, m.axis, w);
             json!({
                 "axis": m.axis.name(),
-                "loop": response(&m.cut),
-                "sensitivity": m.sensitivity.as_ref().map(response),
-                "command": m.command.as_ref().map(response),
+                "loop": response(&m.cut, &cut),
+                "sensitivity": m.sensitivity.as_ref().map(|r| response(r, &sensitivity)),
+                "command": m.command.as_ref().map(|r| response(r, &command)),
             })
         })
         .collect();

@@ -48,7 +48,9 @@ pub enum Probe {
 pub struct Sweep {
     /// First and last frequency of the sweep, rad/s.
     pub frequencies: [f64; 2],
-    /// How long it takes, s.
+    /// How long it takes, s. Lines of the spectra are one over it apart, and
+    /// where |S| runs along −3 dB the crossing needs many: half of the default
+    /// leaves 0.05 dB of ripple, twice as much 0.01 dB.
     pub duration: f64,
     /// Time for all to settle afterwards, s.
     pub settling: f64,
@@ -62,11 +64,23 @@ pub struct Sweep {
     pub points: usize,
 }
 
+impl Sweep {
+    /// The same with all amplitudes multiplied by a factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            held: self.held.map(|x| x * factor),
+            acceleration: self.acceleration.map(|x| x * factor),
+            ..self
+        }
+    }
+}
+
 impl Default for Sweep {
     fn default() -> Self {
         Self {
             frequencies: [0.2, 20.0],
-            duration: 160.0,
+            duration: 320.0,
             settling: 40.0,
             held: [1.5f64.to_radians(), 1.5f64.to_radians(), 1.5f64.to_radians(), 0.3],
             acceleration: [0.06, 0.06, 0.04, 0.25],
@@ -79,6 +93,9 @@ impl Default for Sweep {
 const BAND: f64 = 0.03;
 /// Fewest lines of the spectrum in an average, either way of the middle one.
 const LINES: usize = 1;
+/// Frequency from which sensitivities are compared, rad/s: slower than this
+/// |S| is deep, and a sweep has few periods.
+pub const SLOWEST_REJECTION: f64 = 0.4;
 /// Coherence below which a point does not count.
 pub const LEAST_COHERENCE: f64 = 0.8;
 
@@ -91,7 +108,12 @@ pub struct Response {
     pub value: Vec<Complex64>,
     /// Coherence γ² at each, 0 to 1: how much of the output the input explains.
     pub coherence: Vec<f64>,
+    /// Lines of the spectra that were averaged at each.
+    pub lines: Vec<usize>,
 }
+
+/// Standard errors either way that an interval covers: some 95 %.
+const STANDARD_ERRORS: f64 = 2.0;
 
 impl Response {
     /// The points whose coherence is good enough.
@@ -103,7 +125,47 @@ impl Response {
             omega: keep.iter().map(|&k| self.omega[k]).collect(),
             value: keep.iter().map(|&k| self.value[k]).collect(),
             coherence: keep.iter().map(|&k| self.coherence[k]).collect(),
+            lines: keep.iter().map(|&k| self.lines[k]).collect(),
         }
+    }
+
+    /// Standard error of the magnitude at each frequency, relative to it:
+    /// √((1 − γ²)/(2 n γ²)) with n averaged lines (Bendat and Piersol, Random
+    /// Data).
+    pub fn standard_errors(&self) -> impl Iterator<Item = f64> + '_ {
+        self.coherence
+            .iter()
+            .zip(&self.lines)
+            .map(|(c, n)| ((1.0 - c).max(0.0) / (2.0 * *n as f64 * c)).sqrt())
+    }
+
+    /// Rejection bandwidths between which that of a sensitivity lies, rad/s,
+    /// as its magnitude is uncertain by two standard errors: the first upward
+    /// crossing of −3 dB by the largest and by the least that it may be. Where
+    /// |S| runs along the level they lie far apart. `None` where nothing crosses.
+    #[must_use]
+    pub fn rejection_interval(&self) -> [Option<f64>; 2] {
+        [1.0, -1.0].map(|side| {
+            let value: Vec<Complex64> = self
+                .value
+                .iter()
+                .zip(self.standard_errors())
+                .map(|(value, error)| value * (1.0 + side * STANDARD_ERRORS * error))
+                .collect();
+            metrics::rejection(Sampled::new(&self.omega, &value)).bandwidth
+        })
+    }
+
+    /// Largest difference of the magnitude from another response at the same
+    /// frequencies, from one on, rad/s: dB either way. `None` without a point.
+    #[must_use]
+    pub fn largest_gap(&self, other: &[Complex64], from: f64) -> Option<f64> {
+        self.omega
+            .iter()
+            .zip(self.value.iter().zip(other))
+            .filter(|(omega, _)| **omega >= from)
+            .map(|(_, (a, b))| metrics::decibels(a.norm() / b.norm()).abs())
+            .reduce(f64::max)
     }
 
     fn sampled(&self) -> Sampled<'_> {
@@ -180,6 +242,9 @@ pub struct PlantResponse {
     /// Multiple coherence of each state, 0 to 1: how much of it the sticks
     /// explain.
     pub coherence: Vec<[f64; 8]>,
+    /// Lines of the spectra that were averaged at each frequency, over all
+    /// flights.
+    pub lines: Vec<usize>,
 }
 
 impl PlantResponse {
@@ -190,6 +255,7 @@ impl PlantResponse {
             omega: self.omega.clone(),
             value: self.value.iter().map(|m| m[state][stick]).collect(),
             coherence: self.coherence.iter().map(|c| c[state]).collect(),
+            lines: self.lines.clone(),
         }
     }
 }
@@ -222,6 +288,7 @@ pub fn plant(records: &[Record], step: f64, frequencies: [f64; 2], points: usize
         let Some(inverse) = uu.transpose().try_inverse() else { continue };
         let rows = xu.map(|x| inverse * x);
         found.omega.push(TAU * middle as f64 / (n as f64 * step));
+        found.lines.push((2 * half + 1) * records.len());
         found.value.push(rows.map(|row| [0, 1, 2, 3].map(|j| row[j])));
         found.coherence.push(std::array::from_fn(|k| {
             let explained: Complex64 = (0..4).map(|j| rows[k][j] * xu[k][j].conj()).sum();
@@ -305,7 +372,8 @@ pub fn response(
     let n = input.len().min(output.len());
     let (u, y) = (spectrum(&input[..n]), spectrum(&output[..n]));
     let line = TAU / (n as f64 * step);
-    let mut found = Response { omega: Vec::new(), value: Vec::new(), coherence: Vec::new() };
+    let mut found =
+        Response { omega: Vec::new(), value: Vec::new(), coherence: Vec::new(), lines: Vec::new() };
     for (middle, half) in bands(n, step, frequencies, points) {
         let (mut uu, mut yy, mut uy) = (0.0, 0.0, Complex64::new(0.0, 0.0));
         for m in middle - half..=middle + half {
@@ -317,6 +385,7 @@ pub fn response(
             found.omega.push(middle as f64 * line);
             found.value.push(uy / uu);
             found.coherence.push(uy.norm_sqr() / (uu * yy));
+            found.lines.push(2 * half + 1);
         }
     }
     found

@@ -451,14 +451,23 @@ static WIND: Table = Table {
 };
 
 static TURBULENCE: Table = Table {
-    doc: "Dryden turbulence below 1000 ft after MIL-F-8785C: velocities only, the same over the \
-          whole aircraft.",
-    keys: &[required(
-        "wind_at_20_ft",
-        Value::Quantity(Kind::Airspeed, above_to("0 kt", "100 kt")),
-        "Wind at 20 ft, which sets the intensity: 15, 30 and 45 kt are light, moderate and \
-         severe.",
-    )],
+    doc: "Dryden turbulence below 1000 ft after MIL-F-8785C, along the motion through the mean \
+          wind.",
+    keys: &[
+        required(
+            "wind_at_20_ft",
+            Value::Quantity(Kind::Airspeed, above_to("0 kt", "100 kt")),
+            "Wind at 20 ft, which sets the intensity: 15, 30 and 45 kt are light, moderate and \
+             severe.",
+        ),
+        default(
+            "rates",
+            Value::Bool,
+            "true",
+            "Whether the air also turns, p_g, q_g, r_g, with the diameter of the largest rotor \
+             as span; else its velocity is the same over the whole aircraft.",
+        ),
+    ],
     alternatives: &[],
 };
 
@@ -779,10 +788,10 @@ fn build(root: &CheckedTable, reader: &mut Reader) -> Option<Maneuver> {
         inputs,
         weather: Weather {
             wind,
-            turbulence: root
-                .table("turbulence")
-                .and_then(|table| table.number("wind_at_20_ft"))
-                .map(|wind_at_20_ft| Turbulence { wind_at_20_ft }),
+            turbulence: root.table("turbulence").and_then(|table| {
+                let (wind_at_20_ft, rates) = (table.number("wind_at_20_ft")?, table.flag("rates")?);
+                Some(Turbulence { wind_at_20_ft, rates })
+            }),
             gusts,
         },
         noise: SensorNoise {

@@ -99,7 +99,8 @@ impl Variation {
     pub fn fly_in(&self, maneuver: &Maneuver) -> Maneuver {
         let mut maneuver = maneuver.clone();
         if let Some(wind_at_20_ft) = self.turbulence {
-            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft });
+            let rates = maneuver.weather.turbulence.is_none_or(|known| known.rates);
+            maneuver.weather.turbulence = Some(Turbulence { wind_at_20_ft, rates });
         }
         if self.gust != [0.0; 3] {
             let [forward, right, up] = self.gust;

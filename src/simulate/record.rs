@@ -73,6 +73,9 @@ impl Recorder {
         for name in ["wind_north", "wind_east", "wind_down"] {
             add(name, Kind::Velocity);
         }
+        for name in ["air_rate_north", "air_rate_east", "air_rate_down"] {
+            add(name, Kind::AngularRate);
+        }
         for rotor in &vehicle.rotors {
             add(&format!("{}.power", rotor.name), Kind::Power);
         }
@@ -112,6 +115,7 @@ impl Recorder {
         row.extend(flight.sticks());
         row.extend_from_slice(simulator.effectors());
         row.extend(simulator.wind());
+        row.extend(simulator.air_rate());
         row.extend_from_slice(&self.powers);
         row
     }

@@ -14,12 +14,12 @@
 //! control computer samples without jitter. A step allocates nothing.
 
 use super::equipment::{Actuators, Delay, MEASURED, Noise, SensorFilter, SensorNoise};
-use super::wind::{Air, Weather};
+use super::wind::{Air, Passage, Weather};
 use crate::control::law::Measurement;
 use crate::control::plant::Hardware;
 use crate::numerics::integration::{Integrator, RUNGE_KUTTA_4};
 use crate::trim::ConvergedTrim;
-use crate::vehicle::{Layout, Vehicle, Workspace};
+use crate::vehicle::{AirMotion, Layout, Vehicle, Workspace};
 use std::f64::consts::TAU;
 
 /// How to simulate.
@@ -177,7 +177,8 @@ impl<'a> Simulator<'a> {
         let n = vehicle.state_count();
         let mut state = trim.state.clone();
         state.extend([options.heading, 0.0, 0.0, -options.height]);
-        let air = Air::new(options.weather.clone(), options.seed, options.heading);
+        let span = vehicle.rotors.iter().map(|rotor| 2.0 * rotor.radius).fold(0.0, f64::max);
+        let air = Air::new(options.weather.clone(), span, options.seed, options.heading);
         let body = Layout::BODY;
         let mean = &trim.mean_state;
         let wind = to_body(air.velocity(), options.heading, state[body.roll], state[body.pitch]);
@@ -302,9 +303,21 @@ impl<'a> Simulator<'a> {
         self.air.velocity()
     }
 
+    /// Angular velocity of the air, about north, east and down, rad/s.
+    #[must_use]
+    pub fn air_rate(&self) -> [f64; 3] {
+        self.air.rate()
+    }
+
     fn wind_body(&self) -> [f64; 3] {
+        self.air_motion().velocity
+    }
+
+    /// How the air moves now, body axes.
+    fn air_motion(&self) -> AirMotion {
         let body = Layout::BODY;
-        to_body(self.air.velocity(), self.heading(), self.state[body.roll], self.state[body.pitch])
+        let angles = [self.heading(), self.state[body.roll], self.state[body.pitch]];
+        moving(self.air.velocity(), self.air.rate(), angles)
     }
 
     /// Blade controls as they are.
@@ -322,7 +335,7 @@ impl<'a> Simulator<'a> {
     /// Shaft power of each rotor, W, written into `powers`.
     pub fn powers(&mut self, powers: &mut [f64]) {
         let n = self.vehicle.state_count();
-        let wind = self.wind_body();
+        let wind = self.air_motion();
         let azimuth = self.time() * self.vehicle.reference_speed;
         let state = &self.state[..n];
         let vehicle = self.vehicle;
@@ -350,7 +363,7 @@ impl<'a> Simulator<'a> {
     /// its acceleration, so that one step from the present one is exact.
     fn coast(&mut self) {
         let n = self.vehicle.state_count();
-        let wind = self.wind_body();
+        let wind = self.air_motion();
         let vehicle = self.vehicle;
         let azimuth = self.time() * vehicle.reference_speed;
         let state = &self.state[..n];
@@ -428,7 +441,7 @@ impl<'a> Simulator<'a> {
         let vehicle = self.vehicle;
         let n = vehicle.state_count();
         let body = Layout::BODY;
-        let wind_earth = self.air.velocity();
+        let (wind_earth, turning_earth) = (self.air.velocity(), self.air.rate());
         if self.engine_out {
             self.coast();
         }
@@ -453,7 +466,8 @@ impl<'a> Simulator<'a> {
         self.integrator.step(time, self.step, &mut self.state, |time, x, rates| {
             let (x, navigation) = x.split_at(n);
             let (rates, position_rates) = rates.split_at_mut(n);
-            let wind = to_body(wind_earth, navigation[0], x[body.roll], x[body.pitch]);
+            let angles = [navigation[0], x[body.roll], x[body.pitch]];
+            let wind = moving(wind_earth, turning_earth, angles);
             let azimuth = time * vehicle.reference_speed;
             vehicle.rates(azimuth, x, controls[stage], wind, work, rates);
             stage += 1;
@@ -466,9 +480,14 @@ impl<'a> Simulator<'a> {
                 down,
             ]);
         });
-        let airspeed = self.airspeed();
-        let height = -self.position()[2];
-        self.air.advance(time, self.step, airspeed, height, self.heading());
+        let [_, forward, right, down] = self.navigation();
+        let (sine, cosine) = self.heading().sin_cos();
+        let passage = Passage {
+            velocity: [forward * cosine - right * sine, forward * sine + right * cosine, down],
+            height: -self.position()[2],
+            heading: self.heading(),
+        };
+        self.air.advance(time, self.step, &passage);
         let mut measured = [0.0; MEASURED];
         measured[..body.count].copy_from_slice(&self.state[..body.count]);
         let mut air = [0.0; Layout::BODY.count];
@@ -565,7 +584,7 @@ fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
     bounds
 }
 
-/// A velocity from earth axes to body axes.
+/// A vector from earth axes to body axes.
 fn to_body([north, east, down]: [f64; 3], heading: f64, roll: f64, pitch: f64) -> [f64; 3] {
     if north == 0.0 && east == 0.0 && down == 0.0 {
         return [0.0; 3];
@@ -576,6 +595,15 @@ fn to_body([north, east, down]: [f64; 3], heading: f64, roll: f64, pitch: f64) -
     let (forward, right) = (north * ch + east * sh, east * ch - north * sh);
     let lifted = forward * sp + down * cp;
     [forward * cp - down * sp, right * cr + lifted * sr, lifted * cr - right * sr]
+}
+
+/// Motion of the air from earth axes to body axes; angles are heading, roll and
+/// pitch, rad.
+fn moving(velocity: [f64; 3], rate: [f64; 3], [heading, roll, pitch]: [f64; 3]) -> AirMotion {
+    AirMotion {
+        velocity: to_body(velocity, heading, roll, pitch),
+        rate: to_body(rate, heading, roll, pitch),
+    }
 }
 
 fn norm(v: &[f64]) -> f64 {

@@ -1,10 +1,12 @@
 //! The air that moves: steady wind, Dryden turbulence, discrete gusts.
 //!
 //! Velocities are those of the air over the ground, earth axes (north, east,
-//! down), m/s.
+//! down), m/s; angular velocities those of the air about the aircraft, earth
+//! axes, rad/s.
 
 use super::equipment::Noise;
 use crate::units::FOOT;
+use std::f64::consts::{PI, TAU};
 
 /// Sources of moving air.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,6 +25,9 @@ pub struct Turbulence {
     /// Wind speed at 20 ft, m/s: MIL-F-8785C calls 15, 30 and 45 kt light,
     /// moderate and severe.
     pub wind_at_20_ft: f64,
+    /// Whether the air also turns: the angular gusts p_g, q_g, r_g, which the
+    /// standard has beside the velocities.
+    pub rates: bool,
 }
 
 /// What a gust does after its rise.
@@ -92,7 +97,7 @@ impl Dryden {
         Self { noise, along, across, vertical }
     }
 
-    /// Moves `step` s on; velocities along, across and down, m/s.
+    /// Moves `step` s on; velocities along, to the right and down, m/s.
     fn advance(&mut self, step: f64, speed: f64, scale: [f64; 2], sigma: [f64; 2]) -> [f64; 3] {
         let keep = (-step * speed / scale[0]).exp();
         self.along = keep * self.along + (1.0 - keep * keep).sqrt() * self.noise.draw();
@@ -120,29 +125,113 @@ impl Dryden {
     }
 }
 
+/// Angular gusts: how the air turns about an aircraft of a size that flies
+/// through frozen turbulence along x (MIL-F-8785C 3.7.1.2, MIL-HDBK-1797).
+///
+/// p_g is a process of its own, of the spectrum
+/// Φ_p = σ_w²/L_w · 0.8 (πL_w/4b)^⅓ / (1 + (4bΩ/π)²) over Ω = ω/V. The others
+/// are slopes of the velocities along the path, ∂/∂x = (1/V) d/dt, smoothed over
+/// the span: q_g = −(s/V)/(1 + 4bs/πV) w_g and r_g = (s/V)/(1 + 3bs/πV) v_g.
+/// These signs are those of air that turns, v = ω × r, in axes to starboard
+/// and down: p_g = ∂w/∂y, q_g = −∂w/∂x, r_g = ∂v/∂x.
+#[derive(Debug, Clone)]
+struct AngularGusts {
+    noise: Noise,
+    /// Span b, m.
+    span: f64,
+    /// Unit-variance state of p_g.
+    roll: f64,
+    /// w_g and v_g at the last step, m/s, and smoothed.
+    down: [f64; 2],
+    right: [f64; 2],
+}
+
+impl AngularGusts {
+    fn new(seed: u64, span: f64) -> Self {
+        let mut noise = Noise::new(seed, 2);
+        let roll = noise.draw();
+        Self { noise, span, roll, down: [0.0; 2], right: [0.0; 2] }
+    }
+
+    /// Variance of p_g, (rad/s)²: the integral of Φ_p over Ω.
+    fn roll_variance(&self, scale: f64, sigma: f64) -> f64 {
+        let b = self.span;
+        0.1 * PI * PI * sigma * sigma / (b * scale) * (PI * scale / (4.0 * b)).cbrt()
+    }
+
+    /// Moves `step` s on, to new velocities to the right and down, m/s; p_g,
+    /// q_g, r_g, rad/s. Velocities are taken as straight within a step.
+    fn advance(
+        &mut self,
+        step: f64,
+        speed: f64,
+        [right, down]: [f64; 2],
+        scale_w: f64,
+        sigma_w: f64,
+    ) -> [f64; 3] {
+        // Lengths over which p and q, and r, are smoothed, over V T.
+        let (long, short) = (4.0 * self.span / PI, 3.0 * self.span / PI);
+        let keep = (-step * speed / long).exp();
+        self.roll = keep * self.roll + (1.0 - keep * keep).sqrt() * self.noise.draw();
+        let slope = |[last, smooth]: &mut [f64; 2], value: f64, length: f64| {
+            let x = step * speed / length;
+            let keep = (-x).exp();
+            let mean = (1.0 - keep) / x;
+            *smooth = keep * *smooth + (mean - keep) * *last + (1.0 - mean) * value;
+            *last = value;
+            // s/(1 + Ts) w = (w − smoothed w)/T, and V T is the length.
+            (value - *smooth) / length
+        };
+        [
+            self.roll_variance(scale_w, sigma_w).sqrt() * self.roll,
+            -slope(&mut self.down, down, long),
+            slope(&mut self.right, right, short),
+        ]
+    }
+}
+
+/// How the aircraft moves through the weather.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Passage {
+    /// Velocity over the ground: north, east, down, m/s.
+    pub velocity: [f64; 3],
+    /// Height above the ground, m.
+    pub height: f64,
+    /// Heading, rad.
+    pub heading: f64,
+}
+
 /// Weather on its way through time.
 #[derive(Debug, Clone)]
 pub struct Air {
     weather: Weather,
     dryden: Option<Dryden>,
-    /// Direction of the mean wind (where the air goes), rad from north; the
-    /// first heading in calm air.
-    direction: f64,
+    angular: Option<AngularGusts>,
+    /// Direction of the horizontal motion through the mean wind, rad from
+    /// north: the longitudinal axis of turbulence. It follows the motion
+    /// within about a scale length of flight, so that it does not jump; the
+    /// first heading at rest.
+    course: f64,
     /// Distance flown into each gust, m, and the heading when it was met.
     flown: Vec<Option<(f64, f64)>>,
     velocity: [f64; 3],
+    rate: [f64; 3],
 }
 
 impl Air {
-    /// Weather that begins at time zero with the aircraft on a heading, rad.
+    /// Weather that begins at time zero with an aircraft of a span (m) on a
+    /// heading (rad). The span is that of angular gusts: for a rotorcraft the
+    /// diameter of its largest rotor.
     #[must_use]
-    pub fn new(weather: Weather, seed: u64, heading: f64) -> Self {
-        let [north, east, _] = weather.wind;
-        let direction = if north.hypot(east) > 0.0 { east.atan2(north) } else { heading };
+    pub fn new(weather: Weather, span: f64, seed: u64, heading: f64) -> Self {
         let dryden = weather.turbulence.map(|_| Dryden::new(seed));
+        let angular = weather
+            .turbulence
+            .filter(|turbulence| turbulence.rates)
+            .map(|_| AngularGusts::new(seed, span));
         let flown = vec![None; weather.gusts.len()];
         let velocity = weather.wind;
-        Self { weather, dryden, direction, flown, velocity }
+        Self { weather, dryden, angular, course: heading, flown, velocity, rate: [0.0; 3] }
     }
 
     /// Velocity of the air, north, east, down, m/s.
@@ -151,38 +240,66 @@ impl Air {
         self.velocity
     }
 
-    /// Moves `step` s on from `time` with the aircraft at an airspeed (m/s), a
-    /// height (m) and a heading (rad).
-    pub fn advance(&mut self, time: f64, step: f64, airspeed: f64, height: f64, heading: f64) {
+    /// Angular velocity of the air about north, east and down, rad/s.
+    #[must_use]
+    pub fn rate(&self) -> [f64; 3] {
+        self.rate
+    }
+
+    /// Moves `step` s on from `time`.
+    pub fn advance(&mut self, time: f64, step: f64, passage: &Passage) {
+        let through: [f64; 3] = std::array::from_fn(|k| passage.velocity[k] - self.velocity[k]);
+        let airspeed = through.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let speed = airspeed.max(LEAST_CONVECTION);
         let mut total = self.weather.wind;
-        let mut add = |[forward, right, down]: [f64; 3], direction: f64| {
-            let (s, c) = direction.sin_cos();
-            total[0] += forward * c - right * s;
-            total[1] += forward * s + right * c;
-            total[2] += down;
-        };
         if let (Some(dryden), Some(turbulence)) = (&mut self.dryden, self.weather.turbulence) {
-            let (scale, sigma) = low_altitude(height, turbulence.wind_at_20_ft);
-            let speed = airspeed.max(LEAST_CONVECTION);
-            add(dryden.advance(step, speed, scale, sigma), self.direction);
+            let (scale, sigma) = low_altitude(passage.height, turbulence.wind_at_20_ft);
+            let [north, east] = [0, 1].map(|k| passage.velocity[k] - self.weather.wind[k]);
+            let motion = north.hypot(east);
+            if motion > 0.0 {
+                let off = wrapped(east.atan2(north) - self.course);
+                self.course += off * (1.0 - (-motion * step / scale[0]).exp());
+            }
+            let [along, right, down] = dryden.advance(step, speed, scale, sigma);
+            turn(&mut total, [along, right, down], self.course);
+            self.rate = [0.0; 3];
+            if let Some(angular) = &mut self.angular {
+                let gusts = angular.advance(step, speed, [right, down], scale[1], sigma[1]);
+                turn(&mut self.rate, gusts, self.course);
+            }
         }
         for (gust, flown) in self.weather.gusts.iter().zip(&mut self.flown) {
             if time + step < gust.time {
                 continue;
             }
-            let (distance, met) = flown.get_or_insert((0.0, heading));
+            let (distance, met) = flown.get_or_insert((0.0, passage.heading));
             let within = (time + step - gust.time).min(step);
-            *distance += airspeed.max(LEAST_CONVECTION) * within;
+            *distance += speed * within;
             let x = *distance / gust.length;
             let strength = match gust.shape {
                 GustShape::Hold if x >= 1.0 => 1.0,
                 GustShape::Pulse if x >= 2.0 => 0.0,
-                _ => 0.5 * (1.0 - (std::f64::consts::PI * x).cos()),
+                _ => 0.5 * (1.0 - (PI * x).cos()),
             };
-            add(gust.velocity.map(|v| v * strength), *met);
+            turn(&mut total, gust.velocity.map(|v| v * strength), *met);
         }
         self.velocity = total;
     }
+}
+
+/// Adds a vector given forward, to the right and down of a direction (rad from
+/// north) to one in earth axes.
+fn turn(sum: &mut [f64; 3], [forward, right, down]: [f64; 3], direction: f64) {
+    let (s, c) = direction.sin_cos();
+    sum[0] += forward * c - right * s;
+    sum[1] += forward * s + right * c;
+    sum[2] += down;
+}
+
+/// An angle in (−π, π].
+fn wrapped(angle: f64) -> f64 {
+    let turns = (angle / TAU).round();
+    angle - turns * TAU
 }
 
 #[cfg(test)]
@@ -254,10 +371,13 @@ mod tests {
         let gust = |shape| Gust { time: 1.0, length: 20.0, velocity: [0.0, 4.0, 0.0], shape };
         let fly = |shape, distance: f64| {
             let weather = Weather { gusts: vec![gust(shape)], ..Weather::default() };
-            let mut air = Air::new(weather, 0, 0.0);
+            let mut air = Air::new(weather, 6.5, 0, 0.0);
             let (mut time, step) = (0.0, 0.01);
             while time < 1.0 + distance / 10.0 - 1e-9 {
-                air.advance(time, step, 10.0, 100.0, 0.0);
+                // At 10 m/s through the air, whatever that does.
+                let [north, east, down] = air.velocity();
+                let velocity = [north + 10.0, east, down];
+                air.advance(time, step, &Passage { velocity, height: 100.0, heading: 0.0 });
                 time += step;
             }
             air.velocity()[1]
@@ -274,11 +394,169 @@ mod tests {
         let gust =
             Gust { time: 0.0, length: 1.0, velocity: [0.0, 4.0, 0.0], shape: GustShape::Hold };
         let weather = Weather { gusts: vec![gust], ..Weather::default() };
-        let mut air = Air::new(weather, 0, 0.0);
+        let mut air = Air::new(weather, 6.5, 0, 0.0);
         let east = std::f64::consts::FRAC_PI_2;
-        air.advance(0.0, 1.0, 10.0, 100.0, east);
+        let velocity = [0.0, 10.0, 0.0];
+        air.advance(0.0, 1.0, &Passage { velocity, height: 100.0, heading: east });
         let [north, e, _] = air.velocity();
         assert_relative_eq!(north, -4.0, epsilon = 1e-12);
         assert_relative_eq!(e, 0.0, epsilon = 1e-12);
+    }
+
+    /// Span and flight of the tests of angular gusts: b m, V m/s, L m, σ m/s.
+    const SPAN: f64 = 6.5;
+    const SPEED: f64 = 25.0;
+    const SCALE: [f64; 2] = [90.0, 40.0];
+    const SIGMA: [f64; 2] = [2.0, 1.5];
+
+    /// A long flight through turbulence: v, w, p, q, r at every step.
+    fn flown(seed: u64, step: f64, count: usize) -> [Vec<f64>; 5] {
+        let (mut dryden, mut angular) = (Dryden::new(seed), AngularGusts::new(seed, SPAN));
+        let mut series: [Vec<f64>; 5] = Default::default();
+        for _ in 0..count {
+            let [_, v, w] = dryden.advance(step, SPEED, SCALE, SIGMA);
+            let [p, q, r] = angular.advance(step, SPEED, [v, w], SCALE[1], SIGMA[1]);
+            for (list, value) in series.iter_mut().zip([v, w, p, q, r]) {
+                list.push(value);
+            }
+        }
+        series
+    }
+
+    /// One-sided spectral density over Ω = ω/V (rad/m), averaged over segments
+    /// and bands, at Ω spaced by factors of two, with the standard error.
+    fn spectra(series: &[f64], step: f64) -> Vec<(f64, f64, f64)> {
+        let n = 1 << 13;
+        let fft = rustfft::FftPlanner::new().plan_fft_forward(n);
+        let window: Vec<f64> =
+            (0..n).map(|k| (PI * (k as f64 + 0.5) / n as f64).sin().powi(2)).collect();
+        let norm: f64 = window.iter().map(|w| w * w).sum();
+        let mut power = vec![0.0; n / 2];
+        let segments = series.len() / n;
+        for segment in series.chunks_exact(n) {
+            let mut x: Vec<num_complex::Complex64> = segment
+                .iter()
+                .zip(&window)
+                .map(|(x, w)| num_complex::Complex64::new(x * w, 0.0))
+                .collect();
+            fft.process(&mut x);
+            for (sum, x) in power.iter_mut().zip(&x) {
+                *sum += x.norm_sqr() * step * SPEED / (PI * norm * segments as f64);
+            }
+        }
+        let line = TAU / (n as f64 * step * SPEED);
+        let mut found = Vec::new();
+        let mut first = 3;
+        while 2 * first < n / 8 {
+            let band = first..(5 * first).div_ceil(4);
+            let count = band.len();
+            let middle = (first as f64 + 0.5 * (count - 1) as f64) * line;
+            let mean = power[band].iter().sum::<f64>() / count as f64;
+            // A squared sine window correlates neighbours: some half of the
+            // lines are independent.
+            let error = (2.0 / (segments * count) as f64).sqrt();
+            found.push((middle, mean, error));
+            first *= 2;
+        }
+        found
+    }
+
+    /// MIL-F-8785C 3.7.1.2: the spectra of v_g, w_g, p_g, q_g and r_g as
+    /// generated, against the closed forms, from eddies of 300 m to 2 m.
+    #[test]
+    fn val_spectra_of_turbulence() {
+        let step = 0.01;
+        let [v, w, p, q, r] = flown(5, step, 1 << 21);
+        let of = |x: f64, l: f64, sigma: f64| {
+            let lx2 = l * l * x * x;
+            sigma * sigma * l / PI * (1.0 + 3.0 * lx2) / (1.0 + lx2).powi(2)
+        };
+        let phi_v = |x: f64| of(x, SCALE[0], SIGMA[0]);
+        let phi_w = |x: f64| of(x, SCALE[1], SIGMA[1]);
+        let lag = |x: f64, spans: f64| x * x / (1.0 + (spans * SPAN * x / PI).powi(2));
+        let phi_p = |x: f64| {
+            SIGMA[1] * SIGMA[1] / SCALE[1] * 0.8 * (PI * SCALE[1] / (4.0 * SPAN)).cbrt()
+                / (1.0 + (4.0 * SPAN * x / PI).powi(2))
+        };
+        type Closed<'a> = &'a dyn Fn(f64) -> f64;
+        let closed: [(&str, &[f64], Closed); 5] = [
+            ("v", &v, &phi_v),
+            ("w", &w, &phi_w),
+            ("p", &p, &phi_p),
+            ("q", &q, &|x| lag(x, 4.0) * phi_w(x)),
+            ("r", &r, &|x| lag(x, 3.0) * phi_v(x)),
+        ];
+        for (name, series, exact) in closed {
+            let found = spectra(series, step);
+            assert!(found.len() >= 7, "{}", found.len());
+            for (x, density, error) in found {
+                let ratio = density / exact(x);
+                // Four standard errors, and 2 % for curvature within a band.
+                let close = 4.0 * error + 0.02;
+                assert!((ratio - 1.0).abs() < close, "{name} at {x} rad/m: {ratio} ± {error}");
+            }
+        }
+        // Variance of p_g: the integral of its spectrum.
+        let n = p.len() as f64;
+        let variance = p.iter().map(|x| x * x).sum::<f64>() / n;
+        let steps = 200_000;
+        let width = 400.0 / f64::from(steps);
+        let integral: f64 = (0..steps).map(|k| phi_p((f64::from(k) + 0.5) * width) * width).sum();
+        assert_relative_eq!(variance, integral, max_relative = 0.03);
+    }
+
+    /// The slopes are those of the field of air that is flown through: w grows
+    /// along the path where the air turns nose down, −q, and v where it turns
+    /// to starboard, +r. Smoothed over no span they are the differences.
+    #[test]
+    fn slopes_have_the_signs_of_air_that_turns() {
+        let mut angular = AngularGusts::new(0, 0.01);
+        let (step, speed) = (0.01, 20.0);
+        let mut gusts = [0.0; 3];
+        for k in 1..200 {
+            // v and w grow by 0.3 and 0.2 m/s a metre.
+            let x = speed * step * f64::from(k);
+            gusts = angular.advance(step, speed, [0.3 * x, 0.2 * x], 40.0, 1.0);
+        }
+        assert_relative_eq!(gusts[1], -0.2, max_relative = 1e-9);
+        assert_relative_eq!(gusts[2], 0.3, max_relative = 1e-9);
+    }
+
+    /// Angular gusts have their own numbers: the velocities are the same with
+    /// them and without. The same seed gives the same bits.
+    #[test]
+    fn rates_leave_the_velocities_alone() {
+        let fly = |rates, seed| {
+            let turbulence = Some(Turbulence { wind_at_20_ft: 8.0, rates });
+            let weather = Weather { turbulence, ..Weather::default() };
+            let mut air = Air::new(weather, SPAN, seed, 0.4);
+            let passage = Passage { velocity: [9.0, 2.0, 0.0], height: 30.0, heading: 0.4 };
+            let mut all = Vec::new();
+            for k in 0..400 {
+                air.advance(0.01 * f64::from(k), 0.01, &passage);
+                all.push((air.velocity(), air.rate()));
+            }
+            all
+        };
+        let (with, without) = (fly(true, 3), fly(false, 3));
+        assert!(with.iter().zip(&without).all(|(a, b)| a.0 == b.0));
+        assert!(without.iter().all(|a| a.1 == [0.0; 3]));
+        assert!(with.iter().any(|a| a.1.iter().all(|rate| rate.abs() > 1e-3)));
+        assert_eq!(with, fly(true, 3));
+        assert_ne!(with, fly(true, 4));
+    }
+
+    /// Hovering in wind from the north an aircraft that looks east flies north
+    /// through the air, and the long axis of turbulence comes to lie there.
+    #[test]
+    fn turbulence_lies_along_the_motion_through_the_mean_wind() {
+        let turbulence = Some(Turbulence { wind_at_20_ft: 8.0, rates: true });
+        let weather = Weather { wind: [-8.0, 0.0, 0.0], turbulence, gusts: Vec::new() };
+        let mut air = Air::new(weather, SPAN, 1, 0.5 * PI);
+        let passage = Passage { velocity: [0.0; 3], height: 30.0, heading: 0.5 * PI };
+        for k in 0..60_000 {
+            air.advance(0.01 * f64::from(k), 0.01, &passage);
+        }
+        assert!(air.course.abs() < 1e-6, "{}", air.course);
     }
 }

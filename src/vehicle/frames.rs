@@ -81,6 +81,16 @@ impl HubFrame {
         Self { polar, handedness }
     }
 
+    /// An angular velocity of the body frame in the hub frame.
+    #[inline(always)]
+    #[must_use]
+    pub fn rate_hub(&self, rate_body: [f64; 3]) -> [f64; 3] {
+        self.polar.map(|row| {
+            self.handedness
+                * (row[0] * rate_body[0] + row[1] * rate_body[1] + row[2] * rate_body[2])
+        })
+    }
+
     /// Rows map rates and moments of the body frame.
     #[must_use]
     pub fn axial(&self) -> Matrix3 {

@@ -78,6 +78,27 @@ pub enum VehicleError {
     },
 }
 
+/// How the air moves about the centre of gravity: as a rigid body, whose
+/// velocity is v + ω × r at a place r from there. Body frame.
+///
+/// The rotation is the linear part of a field of air that the lifting parts
+/// see each at its own place: p = ∂w/∂y, q = −∂w/∂x, r = ∂v/∂x, the angular
+/// gusts of MIL-F-8785C.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AirMotion {
+    /// Velocity over the ground at the centre of gravity, m/s.
+    pub velocity: [f64; 3],
+    /// Angular velocity, rad/s.
+    pub rate: [f64; 3],
+}
+
+impl From<[f64; 3]> for AirMotion {
+    /// Air of the same velocity everywhere, m/s.
+    fn from(velocity: [f64; 3]) -> Self {
+        Self { velocity, rate: [0.0; 3] }
+    }
+}
+
 /// A rotorcraft, ready to be evaluated.
 #[derive(Debug, Clone)]
 pub struct Vehicle {
@@ -349,16 +370,29 @@ impl Vehicle {
 
     /// Rates of all states, per second, at a reference azimuth (rad).
     ///
-    /// `effectors` are the blade controls of [`Layout::effectors`]; `wind_body`
-    /// is the velocity of the air mass over the ground, body frame, m/s.
-    /// Slices have the lengths of the layout.
-    #[inline(never)] // one large copy a scalar type is enough
+    /// `effectors` are the blade controls of [`Layout::effectors`]; `air` is
+    /// how the air moves over the ground: an [`AirMotion`], or a velocity, body
+    /// frame, m/s. Slices have the lengths of the layout.
+    #[inline(always)]
     pub fn rates<S: Scalar>(
         &self,
         azimuth: f64,
         state: &[S],
         effectors: &[S],
-        wind_body: [f64; 3],
+        air: impl Into<AirMotion>,
+        work: &mut Workspace<S>,
+        rates: &mut [S],
+    ) {
+        self.rates_in(azimuth, state, effectors, &air.into(), work, rates);
+    }
+
+    #[inline(never)] // one large copy a scalar type is enough
+    fn rates_in<S: Scalar>(
+        &self,
+        azimuth: f64,
+        state: &[S],
+        effectors: &[S],
+        motion: &AirMotion,
         work: &mut Workspace<S>,
         rates: &mut [S],
     ) {
@@ -369,14 +403,12 @@ impl Vehicle {
         let rate = Vec3([state[3], state[4], state[5]]);
         let (sin_phi, cos_phi) = state[6].sin_cos();
         let (sin_theta, cos_theta) = state[7].sin_cos();
-        let air = Vec3([
-            velocity.0[0] - wind_body[0],
-            velocity.0[1] - wind_body[1],
-            velocity.0[2] - wind_body[2],
-        ]);
+        // Through the air: what makes aerodynamic loads. Inertia knows only of
+        // `velocity` and `rate`.
+        let [air, air_rate] = self.through_air(velocity, rate, motion);
 
         for (index, rotor) in self.rotors.iter().enumerate() {
-            let hub = air + rate.cross_constant(rotor.position_body);
+            let hub = air + air_rate.cross_constant(rotor.position_body);
             let spin = rate.rotated(&rotor.frame.polar);
             let turn = rotor.frame.handedness;
             work.hub[index] =
@@ -395,16 +427,17 @@ impl Vehicle {
             let at = places.effectors;
             let (t0, t1c, t1s) = (effectors[at], effectors[at + 1], effectors[at + 2]);
             let [b1c, b1s] = flapping;
+            let air_rate_hub = rotor.frame.rate_hub(motion.rate);
             let loads = if rotor.governor_time_constant.is_none() {
                 let azimuth = (shaft.sine.value(), shaft.cosine.value());
                 S::compose(
-                    &LoadsAtSpeed { rotor, azimuth },
+                    &LoadsAtSpeed { rotor, azimuth, air_rate_hub },
                     &[vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s],
                 )
             } else {
                 let Shaft { speed, acceleration, sine, cosine } = *shaft;
                 S::compose(
-                    &LoadsGoverned { rotor },
+                    &LoadsGoverned { rotor, air_rate_hub },
                     &[
                         vx,
                         vy,
@@ -456,7 +489,7 @@ impl Vehicle {
             }
         }
 
-        let (force, moment) = self.external_loads(air, rate, work);
+        let (force, moment) = self.external_loads(air, air_rate, work);
         self.accelerate(rate, force, moment, work);
         let [specific_force, angular] = work.acceleration;
         let gravity = [
@@ -496,6 +529,19 @@ impl Vehicle {
                 rates[start + 1] = shaft.speed - rotor.speed;
             }
         }
+    }
+
+    /// Velocity of the centre of gravity through the air and angular velocity
+    /// against it, body frame.
+    #[inline(always)]
+    pub(crate) fn through_air<S: Scalar>(
+        &self,
+        velocity: Vec3<S>,
+        rate: Vec3<S>,
+        air: &AirMotion,
+    ) -> [Vec3<S>; 2] {
+        let less = |a: Vec3<S>, b: &[f64; 3]| Vec3([a.0[0] - b[0], a.0[1] - b[1], a.0[2] - b[2]]);
+        [less(velocity, &air.velocity), less(rate, &air.rate)]
     }
 
     /// Rates of the heading (rad/s) and velocity over the ground in heading
@@ -640,7 +686,8 @@ impl Vehicle {
     }
 
     /// Force and moment about the centre of gravity of everything but
-    /// gravity and the inertia of blades on an accelerating hub, body frame.
+    /// gravity and the inertia of blades on an accelerating hub, body frame,
+    /// from velocity and angular velocity through the air.
     #[inline(always)]
     fn external_loads<S: Scalar>(
         &self,

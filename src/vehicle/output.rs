@@ -3,7 +3,7 @@
 
 use crate::numerics::scalar::Vec3;
 use crate::vehicle::rotor::RotorInput;
-use crate::vehicle::{Vehicle, Workspace};
+use crate::vehicle::{AirMotion, Vehicle, Workspace};
 
 /// A rotor at one instant, in its own (for a clockwise rotor mirrored) hub
 /// frame.
@@ -65,16 +65,17 @@ pub struct Output {
 }
 
 impl Vehicle {
-    /// Output of the state last passed to [`Vehicle::rates`] with this
-    /// workspace.
+    /// Output of the state and the air last passed to [`Vehicle::rates`] with
+    /// this workspace.
     #[must_use]
     pub fn output(
         &self,
         state: &[f64],
         effectors: &[f64],
-        wind_body: [f64; 3],
+        air: impl Into<AirMotion>,
         work: &Workspace<f64>,
     ) -> Output {
+        let motion = air.into();
         let rate = Vec3([state[3], state[4], state[5]]);
         let [specific_force, angular] = work.acceleration;
         let rotors = self
@@ -95,6 +96,7 @@ impl Vehicle {
                 let input = RotorInput {
                     velocity_hub: work.hub[index][0],
                     rate_hub: work.hub[index][1],
+                    air_rate_hub: rotor.frame.rate_hub(motion.rate),
                     flapping,
                     inflow: work.inflow[index],
                     pitch,
@@ -122,13 +124,14 @@ impl Vehicle {
                 }
             })
             .collect();
-        let air = Vec3([state[0] - wind_body[0], state[1] - wind_body[1], state[2] - wind_body[2]]);
+        let velocity = Vec3([state[0], state[1], state[2]]);
+        let [air, air_rate] = self.through_air(velocity, rate, &motion);
         let mut parasite_power = 0.0;
         let mut component = |loads: &[(Vec3<f64>, Vec3<f64>)]| -> Vec<BodyLoads> {
             loads
                 .iter()
                 .map(|(force, moment)| {
-                    parasite_power -= force.dot(air) + moment.dot(rate);
+                    parasite_power -= force.dot(air) + moment.dot(air_rate);
                     BodyLoads { force_body: force.0, moment_body: moment.0 }
                 })
                 .collect()

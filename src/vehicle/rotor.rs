@@ -7,7 +7,7 @@
 //!
 //! **Kinematics** (Eqs. 15–19). Blade `k` attaches at `e k_T` below the teeter
 //! hinge (undersling `e`) and flaps by β = β_T + β_p about j. With the hub
-//! velocity and the rate ω of F resolved in F, the section at radius r meets
+//! velocity and the rate ω of F, both against the air and resolved in F, the section at radius r meets
 //!
 //! * u_T = −v_F + e(ω_x cos β_T − ω_z sin β_T) − r(ω_x sin β + ω_z cos β),
 //! * u_P = u_F sin β + w_F cos β + (e sin β_p − r)(β' + ω_y) − v_i cos β,
@@ -160,6 +160,9 @@ pub struct RotorInput<S> {
     pub velocity_hub: Vec3<S>,
     /// Angular velocity of the hub, rad/s.
     pub rate_hub: Vec3<S>,
+    /// Angular velocity of the air about the hub, rad/s: it changes what the
+    /// blades meet, not their inertia.
+    pub air_rate_hub: [f64; 3],
     /// Multi-blade teeter angles β_1c, β_1s, rad (zero for a rigid rotor).
     pub flapping: [S; 2],
     /// Total inflow λ_0, λ_1c, λ_1s, positive down, on the nominal Ω R.
@@ -353,6 +356,8 @@ impl Rotor {
         let (sin_precone, cos_precone) = self.precone.sin_cos();
         let (sin_phase, cos_phase) = self.swashplate_phase.sin_cos();
         let omega_z = r - omega;
+        let [air_p, air_q, air_r] = input.air_rate_hub;
+        let (slip_p, slip_q, slip_z) = (p - air_p, q - air_q, omega_z - air_r);
         // Inflow is scaled by the nominal tip speed, whatever the governor does.
         let tip_speed = self.tip_speed();
         let mut force = Vec3::<S>::default();
@@ -379,8 +384,9 @@ impl Rotor {
 
             let u_f = vy * s - vx * c;
             let v_f = -(vx * s + vy * c);
-            let omega_x = q * s - p * c;
-            let omega_y = -(p * s + q * c);
+            // Rates of F against the air.
+            let omega_x = slip_q * s - slip_p * c;
+            let omega_y = -(slip_p * s + slip_q * c);
             let flap = beta_rate + omega_y;
             let inflow_slope = (l1c * c + l1s * s) * self.speed;
             let inflow_root = l0 * tip_speed;
@@ -390,8 +396,8 @@ impl Rotor {
                 + input.pitch[2] * (s * cos_phase - c * sin_phase)
                 + beta_t * self.tan_delta_3;
             let flow = [
-                (omega_x * cos_t - omega_z * sin_t) * e - v_f,
-                -(omega_x * sin_b + omega_z * cos_b),
+                (omega_x * cos_t - slip_z * sin_t) * e - v_f,
+                -(omega_x * sin_b + slip_z * cos_b),
                 u_f * sin_b + vz * cos_b + flap * (e * sin_precone) - inflow_root * cos_b,
                 -flap - inflow_slope * cos_b,
                 u_f * cos_b - vz * sin_b + flap * (e * cos_precone) + inflow_root * sin_b,
@@ -786,7 +792,7 @@ impl PowerProbe<'_> {
     fn run(&mut self, input: &RotorInput<f64>, shaft: &Shaft<f64>) {
         let rotor = self.rotor;
         let [vx, vy, vz] = input.velocity_hub.0;
-        let [p, q, r] = input.rate_hub.0;
+        let [p, q, r] = [0, 1, 2].map(|k| input.rate_hub.0[k] - input.air_rate_hub[k]);
         let [beta_1, rate_1] = rotor.teeter(&input.flapping, shaft);
         for blade in 0..rotor.blades {
             let azimuth = shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.blades as f64;
@@ -850,6 +856,8 @@ pub(super) struct LoadsAtSpeed<'a> {
     pub rotor: &'a Rotor,
     /// Sine and cosine of the azimuth of blade 1.
     pub azimuth: (f64, f64),
+    /// Angular velocity of the air, hub frame, rad/s.
+    pub air_rate_hub: [f64; 3],
 }
 
 impl Local<14, 10> for LoadsAtSpeed<'_> {
@@ -861,28 +869,31 @@ impl Local<14, 10> for LoadsAtSpeed<'_> {
             sine: T::constant(self.azimuth.0),
             cosine: T::constant(self.azimuth.1),
         };
-        pack(self.rotor.loads(&unpack(&x[..14]), &shaft))
+        pack(self.rotor.loads(&unpack(&x[..14], self.air_rate_hub), &shaft))
     }
 }
 
 /// Rotor loads as a local function: governed speed, 17 inputs.
 pub(super) struct LoadsGoverned<'a> {
     pub rotor: &'a Rotor,
+    /// Angular velocity of the air, hub frame, rad/s.
+    pub air_rate_hub: [f64; 3],
 }
 
 impl Local<18, 10> for LoadsGoverned<'_> {
     #[inline(always)]
     fn evaluate<T: Scalar>(&self, x: &[T; 18]) -> [T; 10] {
         let shaft = Shaft { speed: x[14], acceleration: x[15], sine: x[16], cosine: x[17] };
-        pack(self.rotor.loads(&unpack(&x[..14]), &shaft))
+        pack(self.rotor.loads(&unpack(&x[..14], self.air_rate_hub), &shaft))
     }
 }
 
 #[inline(always)]
-fn unpack<T: Scalar>(x: &[T]) -> RotorInput<T> {
+fn unpack<T: Scalar>(x: &[T], air_rate_hub: [f64; 3]) -> RotorInput<T> {
     RotorInput {
         velocity_hub: Vec3([x[0], x[1], x[2]]),
         rate_hub: Vec3([x[3], x[4], x[5]]),
+        air_rate_hub,
         flapping: [x[6], x[7]],
         inflow: [x[8], x[9], x[10]],
         pitch: [x[11], x[12], x[13]],
