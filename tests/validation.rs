@@ -125,8 +125,8 @@ fn val_hypotheses_on_rate_derivatives() {
         findings.trials.iter().find(|t| t.name == name).unwrap().values[place(row, column)]
     };
     let print = |row, column| findings.printed[place(row, column)];
-    // The flow through the disk brings Y_p, L_p and M_q nearer to print.
-    for (row, column) in [("v", "p"), ("p", "p"), ("q", "q")] {
+    // The flow through the disk brings X_q, Y_p and M_q nearer to print.
+    for (row, column) in [("u", "q"), ("v", "p"), ("q", "q")] {
         let miss = |name| (value(name, row, column) - print(row, column)).abs();
         assert!(miss(BASE) < miss("momentum-flow"), "({row}, {column})");
     }

@@ -244,7 +244,7 @@ mod tests {
         }
         for i in 0..k {
             permutations(list, k - 1, see);
-            list.swap(if k % 2 == 0 { i } else { 0 }, k - 1);
+            list.swap(if k.is_multiple_of(2) { i } else { 0 }, k - 1);
         }
     }
 }

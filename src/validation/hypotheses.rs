@@ -248,6 +248,7 @@ pub const STUDIES: [Study; 5] = {
                 "kept-sign",
                 "converged-rule",
                 "total-mass-flow",
+                "torque-tilt",
                 "printed-hubs",
             ],
         },
@@ -263,7 +264,13 @@ pub const STUDIES: [Study; 5] = {
                 Entry("p", "ped"),
                 Entry("q", "lat"),
             ],
-            hypotheses: &["printed-i-zz", "no-i-xz", "printed-hubs", "no-blade-drag"],
+            hypotheses: &[
+                "printed-i-zz",
+                "no-i-xz",
+                "torque-tilt",
+                "printed-hubs",
+                "no-blade-drag",
+            ],
         },
         Study {
             name: "forward",
