@@ -599,8 +599,8 @@ static INFLOW: Table = Table {
                 ("momentum", "that of momentum theory, V_m, twice V_T in hover"),
                 (
                     "through",
-                    "the flow through the disk, V_T, as for uniform inflow, which comes closer to \
-                     the published matrices",
+                    "the flow through the disk, V_T, as for uniform inflow, which some entries of \
+                     the published matrices are nearer to",
                 ),
             ]),
             "\"momentum\"",
@@ -639,8 +639,8 @@ static INFLOW: Table = Table {
             Value::Bool,
             "true",
             "Whether the lateral gradient of interference changes sign between rotors of opposite \
-             rotation, whose frames are mirror images, which is right, or keeps it, a slip to try \
-             on published matrices.",
+             rotation, whose frames are mirror images, which is right, or keeps it, a slip that \
+             the published matrices seem to hold.",
         ),
         default(
             "wash_core",

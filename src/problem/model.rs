@@ -363,7 +363,8 @@ pub struct InflowOptions {
     /// Quadrature rule.
     pub interference_rule: InterferenceRule,
     /// Whether the sine harmonics of interference change sign between rotors
-    /// of opposite rotation (right), or keep it (the published matrices).
+    /// of opposite rotation (right), or keep it (a slip that the published
+    /// matrices seem to hold).
     pub mirrored_interference: bool,
     /// Core radius of the wake that washes bodies and wings, fraction of the
     /// source's radius.

@@ -5,7 +5,7 @@
 //! says what is changed. Whoever doubts a figure runs the file:
 //!
 //! ```sh
-//! coaxdesign linearize problems/hypotheses/momentum-flow.toml --speed "0 kt" --reduce residualize
+//! coaxdesign linearize problems/hypotheses/through-flow.toml --speed "0 kt" --reduce residualize
 //! ```
 
 use super::entries::{Entries, judged_entries};
@@ -50,11 +50,8 @@ macro_rules! hypotheses {
 
 /// Every hypothesis that a problem file can express.
 pub const HYPOTHESES: &[Hypothesis] = hypotheses![
+    "changed-sign",
     "converged-rule",
-    "kept-sign",
-    "momentum-flow",
-    "momentum-flow-kept-sign",
-    "momentum-flow-kept-sign-small-angles",
     "no-blade-drag",
     "no-i-xz",
     "printed-drag-areas",
@@ -66,6 +63,8 @@ pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "small-angles",
     "tail-wash",
     "tail-wash-drag",
+    "through-flow",
+    "through-flow-changed-sign",
     "torque-tilt",
     "total-mass-flow",
 ];
@@ -218,11 +217,11 @@ pub const STUDIES: [Study; 5] = {
                 Entry("q", "q"),
             ],
             hypotheses: &[
-                "momentum-flow",
-                "kept-sign",
-                "momentum-flow-kept-sign",
-                "momentum-flow-kept-sign-small-angles",
+                "changed-sign",
+                "through-flow",
+                "through-flow-changed-sign",
                 BOTH_ENDS,
+                "small-angles",
                 "torque-tilt",
                 "converged-rule",
                 "total-mass-flow",
@@ -245,7 +244,7 @@ pub const STUDIES: [Study; 5] = {
                 "small-angles",
                 "section-table",
                 "root-cutout",
-                "kept-sign",
+                "changed-sign",
                 "converged-rule",
                 "total-mass-flow",
                 "torque-tilt",
