@@ -12,7 +12,7 @@
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
-//! * [`validation`]: identities that must hold whatever the numbers.
+//! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
 //! * [`report`]: tables and plots of what the stages found.
 //! * [`cli`]: the command line around them.
 //!

@@ -59,6 +59,28 @@ fn val_check_shows_what_the_file_says() {
     assert_eq!(out(&named), out(&file));
 }
 
+/// A design may bear the name of the problem that it is of.
+#[test]
+fn a_directory_does_not_hide_a_builtin_problem() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    std::fs::create_dir(here.join("coax2d")).unwrap();
+    let checked = program(here, &["check", "coax2d"]);
+    assert_eq!(code(&checked), 0);
+    assert_eq!(out(&checked), out(&program(here, &["check"])));
+    let planned = program(here, &["design", "coax2d", "-o", "coax2d", "--dry-run"]);
+    assert_eq!(code(&planned), 0, "{}", String::from_utf8_lossy(&planned.stderr));
+    let line = ["compare", "coax2d", "coax2d-physics", "--speeds", "0 kt"];
+    let compared = program(here, &line);
+    assert_eq!(code(&compared), 0);
+    let said = String::from_utf8_lossy(&compared.stderr).into_owned();
+    assert!(said.contains("./coax2d is the directory"), "{said}");
+    // A file of that name is what was meant.
+    std::fs::remove_dir(here.join("coax2d")).unwrap();
+    std::fs::write(here.join("coax2d"), "name = \"mine\"").unwrap();
+    assert_eq!(code(&program(here, &["check", "coax2d"])), 2);
+}
+
 #[test]
 fn usage_errors_exit_with_2() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -322,6 +322,11 @@ fn traces_go_to_standard_error_and_only_on_request() {
     let (silent, told) = (run(""), run("coaxdesign=debug"));
     assert!(silent.stderr.is_empty());
     assert!(err(&told).contains("airspeed_m_s=0"), "{}", err(&told));
+    // The library tells by itself, level by level.
+    let stages = run("coaxdesign=info");
+    assert!(err(&stages).contains("trim sweep") && !err(&stages).contains("airspeed_m_s"));
+    let iterations = run("coaxdesign::trim=trace");
+    assert!(err(&iterations).contains("residual_max="), "{}", err(&iterations));
     assert!(!err(&told).contains('\u{1b}'), "no colours outside a terminal");
     assert_eq!(silent.stdout, told.stdout);
     let version = program(root(), &["--version"]);

@@ -23,7 +23,8 @@ pub struct ProblemArgs {
 }
 
 impl ProblemArgs {
-    /// Reads the problem. A built-in name is taken where no file has it.
+    /// Reads the problem. A built-in name is taken where no file has it; a
+    /// directory, such as that of a design, is no problem file.
     ///
     /// # Errors
     /// Every error of the file at once.
@@ -31,11 +32,9 @@ impl ProblemArgs {
         let Some(path) = &self.file else {
             return Ok(problem::builtin()?);
         };
-        match path.to_str() {
-            Some(name) if problem::BUILTIN.contains(&name) && !path.exists() => {
-                Ok(problem::builtin_named(name)?)
-            }
-            _ => Ok(problem::load(path)?),
+        match builtin_name(path) {
+            Some(name) => Ok(problem::builtin_named(name)?),
+            None => Ok(problem::load(path)?),
         }
     }
 
@@ -54,6 +53,12 @@ impl ProblemArgs {
         }
         Ok(loaded)
     }
+}
+
+/// The built-in problem that a path names, where no file has that name.
+pub(super) fn builtin_name(path: &Path) -> Option<&'static str> {
+    let name = path.to_str()?;
+    problem::BUILTIN.into_iter().find(|known| *known == name).filter(|_| !path.is_file())
 }
 
 /// Units of what people read.

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs, builtin_name};
 use super::modes::plane;
 use super::report::gather::Checked;
 use super::report::{Inputs, directory_of};
@@ -169,7 +169,13 @@ fn tell_apart(entries: &mut [Entry]) {
 /// A problem, and the verification of its design where it is one.
 fn read(path: &Path, quiet: bool) -> Result<(Problem, Option<Checked>), CliError> {
     let schedule = path.file_name().is_some_and(|name| name == "schedule.json");
-    if path.is_dir() || schedule {
+    let builtin = builtin_name(path);
+    if let Some(name) = builtin.filter(|_| path.is_dir() && !quiet) {
+        output::note(&format!(
+            "note: '{name}' is taken as the built-in problem; ./{name} is the directory\n"
+        ));
+    }
+    if (path.is_dir() && builtin.is_none()) || schedule {
         let inputs = Inputs::find(directory_of(path), None, None)?;
         return Ok((inputs.loaded.problem, inputs.checked));
     }

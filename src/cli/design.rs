@@ -13,7 +13,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use super::args::{ProblemArgs, STAGE, Units, UnitsArgs};
+use super::args::{ProblemArgs, STAGE, Units, UnitsArgs, builtin_name};
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
@@ -277,11 +277,9 @@ impl Design {
     fn problem_reference(&self) -> Reference {
         match &self.problem.file {
             None => Reference::Builtin(BUILTIN[0].into()),
-            Some(path) => match path.to_str() {
-                Some(name) if BUILTIN.contains(&name) && !path.exists() => {
-                    Reference::Builtin(name.into())
-                }
-                _ => Reference::File(from_to(&self.output, path)),
+            Some(path) => match builtin_name(path) {
+                Some(name) => Reference::Builtin(name.into()),
+                None => Reference::File(from_to(&self.output, path)),
             },
         }
     }

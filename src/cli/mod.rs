@@ -49,7 +49,7 @@ First steps:
 
 Environment:
   NO_COLOR   no colours, if set
-  RUST_LOG   what is being done, on standard error: error, warn, info, debug
+  RUST_LOG   what is being done, on standard error: error, warn, info, debug, trace
 
 Exit codes:
    0  done
@@ -162,7 +162,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Shows on standard error what `RUST_LOG` asks for, such as `debug` or
-/// `coaxdesign::cli::trim=debug`; nothing without it.
+/// `coaxdesign::trim=debug`; nothing without it.
 fn trace() {
     use tracing_subscriber::EnvFilter;
     if std::env::var_os("RUST_LOG").is_none_or(|value| value.is_empty()) {

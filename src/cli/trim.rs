@@ -275,18 +275,7 @@ pub(super) fn trim_all(
             let mut problem = problem.clone();
             problem.inflow.interactions = on;
             let vehicle = Vehicle::new(&problem)?;
-            let done = |point: &TrimPoint| {
-                progress.advance();
-                tracing::debug!(
-                    airspeed_m_s = point.condition.airspeed,
-                    interactions = on,
-                    status = point.status.word(),
-                    iterations = point.iterations,
-                    steps = point.steps,
-                    residual = point.residual_norm,
-                    "trim"
-                );
-            };
+            let done = |_: &TrimPoint| progress.advance();
             Ok(sweep(&vehicle, conditions, &Options::default(), done).points)
         })
         .collect();

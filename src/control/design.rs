@@ -101,6 +101,13 @@ pub fn design(
         options: spec.solver.clone(),
     };
     let tuning = problem.tune(None)?;
+    tracing::info!(
+        speeds = tuning.speeds.len(),
+        programs = tuning.stats.programs,
+        solver_s = tuning.stats.solver_time,
+        assembly_s = tuning.stats.assembly_time,
+        "tuned"
+    );
     let points = tuning
         .speeds
         .iter()

@@ -12,7 +12,8 @@ use super::plant::{ModelClass, Plant};
 use super::spec::{ChannelRequirement, Specification};
 pub use super::tuning::Target;
 use super::tuning::{
-    ChannelProblem, ChannelSpec, LoopSet, Merit, Price, TuningError, equivalent_delay, start_gains,
+    ChannelProblem, ChannelSpec, LoopSet, Merit, Price, Shared, TuningError, equivalent_delay,
+    start_gains,
 };
 use serde::{Deserialize, Serialize};
 
@@ -149,16 +150,10 @@ pub fn explain(
         let mut best: Option<(Merit, Vec<Price>)> = None;
         for first in [start, fresh, slow] {
             let mut gains: Vec<GainSet> = vec![first];
-            let mut problem = ChannelProblem::new(
-                channel,
-                channel_spec,
-                &[ModelClass::Nominal],
-                &models,
-                &[plant.speed],
-                &gains,
-                1.0,
-                &spec.solver,
-            );
+            let shared =
+                Shared { classes: &[ModelClass::Nominal], models: &models, speeds: &[plant.speed] };
+            let mut problem =
+                ChannelProblem::new(channel, channel_spec, shared, &gains, 1.0, &spec.solver);
             // As many unstable poles as the design, or not at all.
             let (x, reference) = (problem.values(&gains), problem.values(&[start]));
             if problem.merit(&x, Some(&reference)).is_none() {

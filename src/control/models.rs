@@ -163,6 +163,12 @@ pub fn build(
                 .map_err(|source| ModelsError::Plant { model: model.info.name.clone(), source })?;
         }
     }
+    tracing::info!(
+        models = models.len(),
+        speeds = plants.len(),
+        left_out = left_out.len(),
+        "models to tune on"
+    );
     let set = ModelSet { models: models.iter().map(|m| m.info.clone()).collect(), plants };
     Ok(Built { set, left_out })
 }

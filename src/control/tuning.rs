@@ -307,6 +307,18 @@ struct Site {
     weights: Vec<f64>,
 }
 
+/// What the problems of all channels share: the loops of every model at every
+/// speed.
+#[derive(Clone, Copy)]
+pub struct Shared<'s> {
+    /// Class of each model.
+    pub classes: &'s [ModelClass],
+    /// The loops.
+    pub models: &'s LoopSet,
+    /// Speeds, m/s.
+    pub speeds: &'s [f64],
+}
+
 /// One channel over all speeds and models, other channels fixed.
 #[derive(Clone)]
 pub struct ChannelProblem<'a> {
@@ -401,31 +413,26 @@ const SCAN_GAIN: f64 = 0.995;
 const RATIO_PRICE: f64 = 300.0;
 
 impl<'a> ChannelProblem<'a> {
-    /// Assembles the problem over the loops of `models`, `gains` one set a
-    /// speed, `growth` the size of the kite (1: full).
-    #[allow(clippy::too_many_arguments)]
+    /// Assembles the problem over the shared loops, `gains` one set a speed,
+    /// `growth` the size of the kite (1: full).
     pub fn new(
         channel: Channel,
         spec: &'a ChannelSpec,
-        classes: &[ModelClass],
-        models: &LoopSet,
-        speeds: &[f64],
+        shared: Shared<'_>,
         gains: &[GainSet],
         growth: f64,
         options: &'a TuningOptions,
     ) -> Self {
+        let speeds = shared.speeds;
         let places = (0..speeds.len()).filter(|&v| spec.applies(speeds[v])).collect();
-        Self::at_places(channel, spec, classes, models, speeds, gains, growth, options, places)
+        Self::at_places(channel, spec, shared, gains, growth, options, places)
     }
 
     /// The same over some of the speeds.
-    #[allow(clippy::too_many_arguments)]
     fn at_places(
         channel: Channel,
         spec: &'a ChannelSpec,
-        classes: &[ModelClass],
-        models: &LoopSet,
-        speeds: &[f64],
+        Shared { classes, models, speeds }: Shared<'_>,
         gains: &[GainSet],
         growth: f64,
         options: &'a TuningOptions,
@@ -869,6 +876,15 @@ impl<'a> ChannelProblem<'a> {
             self.stats.largest_rows = self.stats.largest_rows.max(program.row_count());
             self.stats.interior_iterations += solution.iterations;
             self.stats.solver_time += solution.solve_time;
+            tracing::trace!(
+                axis = self.channel.name(),
+                round,
+                rows = program.row_count(),
+                status = ?solution.status,
+                iterations = solution.iterations,
+                objective = solution.objective,
+                "conic program"
+            );
             let clock = Instant::now();
             let mut complete = true;
             if solution.status.usable() {
@@ -1498,9 +1514,7 @@ pub struct Price {
 
 /// What the sweeps over channels share.
 struct Run<'a> {
-    classes: &'a [ModelClass],
-    models: &'a LoopSet,
-    speeds: &'a [f64],
+    shared: Shared<'a>,
     options: &'a TuningOptions,
     /// Whether other answers are searched for.
     search: bool,
@@ -1549,16 +1563,8 @@ impl Run<'_> {
                 let clock = Instant::now();
                 let trust = if moved[channel.index()] { self.options.trust } else { trust };
                 let options = TuningOptions { trust, ..options.clone() };
-                let mut problem = ChannelProblem::new(
-                    channel,
-                    spec,
-                    self.classes,
-                    self.models,
-                    self.speeds,
-                    gains,
-                    growth,
-                    &options,
-                );
+                let mut problem =
+                    ChannelProblem::new(channel, spec, self.shared, gains, growth, &options);
                 problem.stats.assembly_time += clock.elapsed().as_secs_f64();
                 let merit = problem.run(gains)?;
                 Ok::<_, TuningError>((merit, problem.stats))
@@ -1582,7 +1588,7 @@ impl Run<'_> {
                     }
                     stats.add(s);
                 }
-                if pair.len() == 1 || same_winding(&self.models.nodes, gains, &joint) {
+                if pair.len() == 1 || same_winding(&self.shared.models.nodes, gains, &joint) {
                     gains.copy_from_slice(&joint);
                     merits.extend(pair.iter().zip(results).map(|(c, r)| (c.0, r.1)));
                 } else {
@@ -1643,16 +1649,8 @@ impl Run<'_> {
     ) -> Arc<[f64]> {
         let mut parts = vec![1usize; grid.len()];
         for (channel, spec) in group {
-            let problem = ChannelProblem::new(
-                *channel,
-                spec,
-                self.classes,
-                self.models,
-                self.speeds,
-                gains,
-                1.0,
-                self.options,
-            );
+            let problem =
+                ChannelProblem::new(*channel, spec, self.shared, gains, 1.0, self.options);
             let x = problem.values(gains);
             for site in &problem.sites {
                 for (cut, kite) in site.kites.iter().enumerate() {
@@ -1700,16 +1698,7 @@ impl Run<'_> {
             return Ok(None);
         };
         let clock = Instant::now();
-        let problem = ChannelProblem::new(
-            channel,
-            spec,
-            self.classes,
-            self.models,
-            self.speeds,
-            gains,
-            1.0,
-            options,
-        );
+        let problem = ChannelProblem::new(channel, spec, self.shared, gains, 1.0, options);
         let x = problem.values(gains);
         let Some(now) = problem.merit(&x, None) else {
             return Ok(None);
@@ -1766,7 +1755,7 @@ impl Run<'_> {
         after[place] = *moved;
         let others = group
             .par_iter()
-            .filter(|c| c.0 != channel && c.1.applies(self.speeds[place]))
+            .filter(|c| c.0 != channel && c.1.applies(self.shared.speeds[place]))
             .map(|&(other, spec)| {
                 let (before, mut after) = (
                     self.problem_at(other, spec, gains, place, options),
@@ -1793,17 +1782,7 @@ impl Run<'_> {
         place: usize,
         options: &'a TuningOptions,
     ) -> ChannelProblem<'a> {
-        ChannelProblem::at_places(
-            channel,
-            spec,
-            self.classes,
-            self.models,
-            self.speeds,
-            gains,
-            1.0,
-            options,
-            vec![place],
-        )
+        ChannelProblem::at_places(channel, spec, self.shared, gains, 1.0, options, vec![place])
     }
 
     /// Where a requirement is missed: looks for other gains of the channel
@@ -1821,12 +1800,12 @@ impl Run<'_> {
         let spec_of = |c: Channel| group.iter().find(|g| g.0 == c).map(|g| g.1);
         // The speeds with the worst misses, and who misses.
         let mut missed: Vec<(usize, Channel, f64)> = Vec::new();
-        for place in 0..self.speeds.len() {
+        for place in 0..self.shared.speeds.len() {
             let at = |channel: Channel, merit: &Merit| {
                 let spec = spec_of(channel)?;
-                let own = (0..place).filter(|&v| spec.applies(self.speeds[v])).count();
+                let own = (0..place).filter(|&v| spec.applies(self.shared.speeds[v])).count();
                 let worst = merit.violation.get(own)?.iter().copied().fold(0.0, f64::max);
-                (spec.applies(self.speeds[place]) && !channel.is_outer())
+                (spec.applies(self.shared.speeds[place]) && !channel.is_outer())
                     .then_some((place, channel, worst))
             };
             let worst = merits
@@ -1847,7 +1826,7 @@ impl Run<'_> {
             let reference: Vec<f64> = group
                 .iter()
                 .map(|&(c, spec)| {
-                    let applies = spec.applies(self.speeds[place]);
+                    let applies = spec.applies(self.shared.speeds[place]);
                     if applies {
                         self.problem_at(c, spec, gains, place, options).reference_activity[0]
                     } else {
@@ -1861,7 +1840,7 @@ impl Run<'_> {
                 all[place] = *at;
                 let mut sum = 0.0;
                 for (&(c, spec), reference) in group.iter().zip(&reference) {
-                    if spec.applies(self.speeds[place]) {
+                    if spec.applies(self.shared.speeds[place]) {
                         let mut problem = self.problem_at(c, spec, &all, place, options);
                         problem.reference_activity[0] = *reference;
                         let x = at[c.index()].values(c);
@@ -1891,7 +1870,7 @@ impl Run<'_> {
             let best = tried.into_iter().flatten().reduce(|a, b| if b.1 < a.1 { b } else { a });
             tracing::debug!(
                 "{second} misses by {worst:.4} at {:.1} m/s: merit {now:.4}, with {first} {:.4}",
-                self.speeds[place],
+                self.shared.speeds[place],
                 best.as_ref().map_or(f64::NAN, |b| b.1)
             );
             if let Some((moved, merit)) = best
@@ -2111,7 +2090,7 @@ impl TuningProblem<'_> {
                     .growths(&self.set.plants[v], &inversions[v], g)
                     .into_iter()
                     .fold(f64::NEG_INFINITY, f64::max);
-                if worst < START_GROWTH || !run.speeds[v].is_finite() {
+                if worst < START_GROWTH || !run.shared.speeds[v].is_finite() {
                     return;
                 }
                 if worst < best.0 {
@@ -2182,9 +2161,7 @@ impl TuningProblem<'_> {
         let mut sweeps = 0;
         for group in parts {
             let run = Run {
-                classes: &classes,
-                models: &models,
-                speeds: &speeds,
+                shared: Shared { classes: &classes, models: &models, speeds: &speeds },
                 options: &self.options,
                 search: true,
             };
@@ -2203,9 +2180,7 @@ impl TuningProblem<'_> {
         // to its kite in long strides, the grid is refined first.
         let clock = Instant::now();
         let refined = Run {
-            classes: &classes,
-            models: &models,
-            speeds: &speeds,
+            shared: Shared { classes: &classes, models: &models, speeds: &speeds },
             options: &self.options,
             search: false,
         }
@@ -2223,9 +2198,7 @@ impl TuningProblem<'_> {
             ..self.options.clone()
         };
         let run = Run {
-            classes: &classes,
-            models: &models,
-            speeds: &speeds,
+            shared: Shared { classes: &classes, models: &models, speeds: &speeds },
             options: &options,
             search: true,
         };
@@ -2237,9 +2210,7 @@ impl TuningProblem<'_> {
             let mut problem = ChannelProblem::new(
                 *channel,
                 spec,
-                &classes,
-                &models,
-                &speeds,
+                Shared { classes: &classes, models: &models, speeds: &speeds },
                 &gains,
                 1.0,
                 &self.options,

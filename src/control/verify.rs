@@ -206,6 +206,13 @@ pub fn verify(
         checks.extend(s);
     }
     let stable = checks.iter().all(|s| s.passed);
+    tracing::info!(
+        rows = rows.len(),
+        passed = rows.iter().filter(|r| r.passed).count(),
+        loops = checks.len(),
+        stable = checks.iter().filter(|s| s.passed).count(),
+        "verified"
+    );
     Ok(Verification {
         schema: SCHEMA.into(),
         passed: stable && rows.iter().all(|r| r.passed),

@@ -147,7 +147,7 @@ pub fn schedule_schema() -> Value {
             ("sensor_bandwidth", positive("rad/s")),
         ],
     );
-    let mut schema = object(
+    let schema = object(
         "Everything that the control law needs. SI units and radians, sticks in percent.",
         &[
             ("schema", json!({ "const": schedule::SCHEMA })),
@@ -173,9 +173,16 @@ pub fn schedule_schema() -> Value {
             ("points", json!({ "type": "array", "items": point, "minItems": 1 })),
         ],
     );
-    schema["$schema"] = json!(DRAFT);
-    schema["title"] = json!("coaxdesign gain schedule");
-    schema
+    document("coaxdesign gain schedule", schema)
+}
+
+/// A schema as a document of its own: how to read it and its title come first.
+fn document(title: &str, schema: Value) -> Value {
+    let mut whole = json!({ "$schema": DRAFT, "title": title });
+    if let (Some(whole), Value::Object(schema)) = (whole.as_object_mut(), schema) {
+        whole.extend(schema);
+    }
+    whole
 }
 
 /// The schema of the JSON export.
@@ -226,7 +233,7 @@ pub fn law_schema() -> Value {
             )
         })
         .collect();
-    let mut schema = object(
+    let schema = object(
         "The control law as tables over true airspeed, with units and rules.",
         &[
             ("schema", json!({ "const": description::SCHEMA })),
@@ -265,9 +272,7 @@ pub fn law_schema() -> Value {
             ),
         ],
     );
-    schema["$schema"] = json!(DRAFT);
-    schema["title"] = json!("coaxdesign control law");
-    schema
+    document("coaxdesign control law", schema)
 }
 
 /// Both schemas as files of `docs/schemas`.

@@ -86,6 +86,13 @@ pub fn linearize(
         (0..orbit.len()).step_by(every).map(|index| sample(&orbit, index)).collect();
     loop {
         let sample_error = thinning_error(vehicle, options.inputs, &samples);
+        tracing::debug!(
+            rotorcraft = vehicle.name,
+            airspeed_m_s = point.condition.airspeed,
+            samples = samples.len(),
+            sample_error,
+            "linear model: samples a period"
+        );
         if sample_error <= options.sample_tolerance {
             let model = periodic_model(vehicle, options.inputs, samples)?;
             return Ok(Linearization { model, sample_error });

@@ -26,7 +26,7 @@ pub use report::{Diagnostic, Report, Severity};
 pub use source::{Place, Source, Sources};
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 /// A problem, with all that is worth knowing about how it was read.
@@ -115,6 +115,16 @@ pub fn builtin_named(name: &str) -> Result<Loaded, Report> {
     }
 }
 
+/// Reads a problem from a text that builds on the built-in files: `path` is
+/// where it would stand among them, such as `"variants/mine.toml"`.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse_beside_builtin(path: &str, text: &str) -> Result<Loaded, Report> {
+    let directory = Path::new(path).parent().unwrap_or(Path::new("")).to_path_buf();
+    Loader::new(Library::Embedded).run(path, text.into(), directory, None)
+}
+
 /// Where files come from.
 #[derive(Debug, Clone, Copy)]
 enum Library {
@@ -139,11 +149,14 @@ impl Library {
             unreadable,
         };
         match self {
-            Library::Embedded => EMBEDDED
-                .iter()
-                .find(|(name, _)| Path::new(name) == path)
-                .map(|(_, text)| (*text).to_string())
-                .ok_or_else(|| fault("there is no such file", true)),
+            Library::Embedded => {
+                let plain = without_parents(path);
+                EMBEDDED
+                    .iter()
+                    .find(|(name, _)| Path::new(name) == plain)
+                    .map(|(_, text)| (*text).to_string())
+                    .ok_or_else(|| fault("there is no such file", true))
+            }
             Library::Disk => {
                 if path.is_dir() {
                     return Err(fault("this is a directory, not a file", true));
@@ -168,9 +181,20 @@ impl Library {
     fn identity(self, path: &Path) -> PathBuf {
         match self {
             Library::Disk => path.canonicalize().unwrap_or_else(|_| path.into()),
-            Library::Embedded => path.into(),
+            Library::Embedded => without_parents(path),
         }
     }
+}
+
+/// A relative path with every `..` taken together with the folder before it.
+fn without_parents(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        if part != Component::ParentDir || !plain.pop() {
+            plain.push(part);
+        }
+    }
+    plain
 }
 
 /// Deepest chain of `extends`.

@@ -250,7 +250,18 @@ impl<'a> Flight<'a> {
 
     /// Flies the manoeuvre to its end. `observe` sees every period after its
     /// decision, the last instant included.
-    pub fn fly(&mut self, mut observe: impl FnMut(&mut Self)) -> Status {
+    pub fn fly(&mut self, observe: impl FnMut(&mut Self)) -> Status {
+        let status = self.fly_periods(observe);
+        tracing::info!(
+            maneuver = self.maneuver.title,
+            time_s = self.simulator.time(),
+            status = status.word(),
+            "flown"
+        );
+        status
+    }
+
+    fn fly_periods(&mut self, mut observe: impl FnMut(&mut Self)) -> Status {
         let periods = (self.maneuver.duration / self.simulator.period()).round() as u64;
         for _ in 0..periods {
             self.decide();

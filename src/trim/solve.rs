@@ -438,6 +438,14 @@ pub fn trim(
         let advised = advised_steps(steps, error, AIM * options.step_tolerance, options.method);
         let finer = advised.max((steps + steps / 4).next_multiple_of(EVEN));
         if converged && !fine && finer <= options.most_steps {
+            tracing::debug!(
+                rotorcraft = vehicle.name,
+                airspeed_m_s = condition.airspeed,
+                steps,
+                error,
+                finer,
+                "trim: the step is refined"
+            );
             steps = finer;
             let corrected = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
             start = shooting.unpack(&corrected);
@@ -463,6 +471,26 @@ pub fn trim(
         point.iterations = iterations;
         point.history = history;
         point.jacobian = solution.jacobian;
+        tracing::debug!(
+            rotorcraft = vehicle.name,
+            airspeed_m_s = condition.airspeed,
+            climb_rate_m_s = condition.climb_rate,
+            turn_rate_rad_s = condition.turn_rate,
+            status = point.status.word(),
+            iterations,
+            steps,
+            step_error = error,
+            residual = point.residual_norm,
+            "trim"
+        );
+        for step in &point.history {
+            tracing::trace!(
+                iteration = step.iteration,
+                residual_max = step.residual_max,
+                fresh_jacobian = step.fresh_jacobian,
+                "trim: iteration"
+            );
+        }
         return point;
     }
 }

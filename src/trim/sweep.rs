@@ -53,6 +53,7 @@ pub fn sweep(
             }
         }
         if !point.on_orbit() {
+            tracing::debug!(airspeed_m_s = condition.airspeed, "trim: on by homotopy");
             let last = good.first().map(|last| (*last).clone());
             if let Some(found) = homotopy(vehicle, condition, last, options) {
                 point = found;
@@ -61,7 +62,15 @@ pub fn sweep(
         progress(&point);
         points.push(point);
     }
-    Sweep { points }
+    let swept = Sweep { points };
+    tracing::info!(
+        rotorcraft = vehicle.name,
+        points = swept.points.len(),
+        on_orbit = swept.points.iter().filter(|point| point.on_orbit()).count(),
+        iterations = swept.points.iter().map(|point| point.iterations).sum::<usize>(),
+        "trim sweep"
+    );
+    swept
 }
 
 /// A guess on the curve through the given points, last first: through all of
@@ -137,6 +146,7 @@ fn homotopy(
             part = (2.0 * part).min(0.5);
         } else {
             part *= 0.5;
+            tracing::debug!(done, part, "trim: a smaller part of the way");
             if part < SMALLEST_FRACTION {
                 return None;
             }

@@ -8,7 +8,7 @@ use crate::linear::linearize::{Options as LinearOptions, linearize};
 use crate::linear::model::PeriodicSample;
 use crate::linear::reduction::{RIGID_BODY, residualise};
 use crate::linear::{Channel, LinearError, PeriodicModel};
-use crate::problem::{InterferenceRule, Problem};
+use crate::problem::{InterferenceRule, Problem, Report};
 use crate::trim::shooting::Shooting;
 use crate::trim::{
     ConvergedTrim, FlightCondition, Guess, Lateral, Options, TrimPoint, sweep, trim,
@@ -20,6 +20,9 @@ use nalgebra::{DMatrix, DVector};
 /// What kept the identities from being computed.
 #[derive(Debug, thiserror::Error)]
 pub enum ValidationError {
+    /// A problem file is wrong.
+    #[error(transparent)]
+    Problem(#[from] Report),
     /// A variant of the aircraft cannot be built.
     #[error(transparent)]
     Vehicle(#[from] VehicleError),

@@ -5,11 +5,23 @@
 //! do not depend on print: symmetry, conservation, agreement of two routes to
 //! the same figure. [`identities`] looks at a whole problem; the validation
 //! page shows the list and the tests hold every line of it.
+//!
+//! Beside print stand [`entries`] and [`eigenvalues`] of the printed matrices,
+//! [`paper`], what its text says of curves without numbers, and
+//! [`hypotheses`], what was tried on numbers that do not fit.
 
+mod claims;
+pub mod eigenvalues;
+pub mod entries;
+pub mod hypotheses;
 mod identities;
+mod level;
 mod mirror;
+pub mod paper;
 
+pub use claims::{Bound, Claim};
 pub use identities::{ValidationError, identities};
+pub use level::LevelFlight;
 pub use mirror::{mirror_signs, mirror_sticks, mirrored};
 
 /// A statement that holds exactly, and how nearly it does.

@@ -57,6 +57,16 @@ static real dot(const real *row, const real *x, unsigned int count)
     return sum;
 }
 
+/* Adds to a sum that runs for minutes without leaving out what rounding takes
+ * from each change (Kahan). */
+static void add(real *sum, real *rest, real change)
+{
+    const real whole = change + *rest;
+    const real before = *sum;
+    *sum = before + whole;
+    *rest = whole - (*sum - before);
+}
+
 static unsigned int all_finite(const real *x, unsigned int count)
 {
     unsigned int finite = 1u;
@@ -109,6 +119,7 @@ void @P@_reset(@P@_state *state)
     for (unsigned int i = 0u; i < 2u; i++) {
         state->velocity_integral[i] = @ZERO@;
         state->velocity_command[i] = @ZERO@;
+        state->velocity_rest[i] = @ZERO@;
         state->model[i] = @ZERO@;
         state->trim_velocity[i] = @ZERO@;
     }
@@ -188,6 +199,7 @@ static void change_mode(@P@_state *state, unsigned int velocity_mode, const real
     if ((velocity_mode != 0u) && (state->velocity_mode == 0u)) {
         for (unsigned int k = 0u; k < 2u; k++) {
             state->velocity_command[k] = ground[k];
+            state->velocity_rest[k] = @ZERO@;
             state->reference[VELOCITY + k][VALUE] = ground[k];
             state->reference[VELOCITY + k][RATE] = @ZERO@;
             state->reference[VELOCITY + k][ACCELERATION] = @ZERO@;
@@ -248,7 +260,7 @@ static void velocity_loops(@P@_state *state, const real *p, const @P@_demand *de
         acceleration[k] = held((demand->horizontal[k] - state->velocity_command[k]) * frequency
                 / OUTER_SLOWNESS,
             -ACCELERATION_LIMIT, ACCELERATION_LIMIT);
-        state->velocity_command[k] += STEP * acceleration[k];
+        add(&state->velocity_command[k], &state->velocity_rest[k], STEP * acceleration[k]);
     }
     for (unsigned int k = 0u; k < 2u; k++) {
         const real *gains = &p[@U@_GAINS + (3u * ROWS[k])];

@@ -60,6 +60,7 @@ typedef struct {
     unsigned int newest;
     @P@_real turn[3];             /* rate of turn as bank can follow it */
     @P@_real velocity_command[2]; /* lags of the commands forward and to the right */
+    @P@_real velocity_rest[2];    /* what rounding has left out of them so far */
     unsigned int velocity_mode;   /* whether the last step was under a velocity demand */
     @P@_real integral[4];
     @P@_real velocity_integral[2];
