@@ -540,8 +540,12 @@ impl Vehicle {
         rate: Vec3<S>,
         air: &AirMotion,
     ) -> [Vec3<S>; 2] {
-        let less = |a: Vec3<S>, b: &[f64; 3]| Vec3([a.0[0] - b[0], a.0[1] - b[1], a.0[2] - b[2]]);
-        [less(velocity, &air.velocity), less(rate, &air.rate)]
+        let [mut velocity, mut rate] = [velocity, rate];
+        for k in 0..3 {
+            velocity.0[k] = velocity.0[k] - air.velocity[k];
+            rate.0[k] = rate.0[k] - air.rate[k];
+        }
+        [velocity, rate]
     }
 
     /// Rates of the heading (rad/s) and velocity over the ground in heading

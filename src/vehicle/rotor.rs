@@ -349,15 +349,18 @@ impl Rotor {
     ) -> RotorLoads<S> {
         let [l0, l1c, l1s] = input.inflow;
         let [vx, vy, vz] = input.velocity_hub.0;
-        let [p, q, r] = input.rate_hub.0;
+        // Rates against the air: what makes loads of it.
+        let mut slip = input.rate_hub.0;
+        for (rate, air) in slip.iter_mut().zip(input.air_rate_hub) {
+            *rate = *rate - air;
+        }
+        let [slip_p, slip_q, slip_r] = slip;
         let omega = shaft.speed;
         let [beta_t1, beta_rate1] = self.teeter(&input.flapping, shaft);
         let (sin_t1, cos_t1) = beta_t1.sin_cos();
         let (sin_precone, cos_precone) = self.precone.sin_cos();
         let (sin_phase, cos_phase) = self.swashplate_phase.sin_cos();
-        let omega_z = r - omega;
-        let [air_p, air_q, air_r] = input.air_rate_hub;
-        let (slip_p, slip_q, slip_z) = (p - air_p, q - air_q, omega_z - air_r);
+        let slip_z = slip_r - omega;
         // Inflow is scaled by the nominal tip speed, whatever the governor does.
         let tip_speed = self.tip_speed();
         let mut force = Vec3::<S>::default();
@@ -419,8 +422,10 @@ impl Rotor {
 
         // The blades as one rigid body in the T frame of blade 1.
         let (s, c) = (shaft.sine, shaft.cosine);
+        let [p, q, r] = input.rate_hub.0;
         let omega_x = q * s - p * c;
         let omega_y = -(p * s + q * c);
+        let omega_z = r - omega;
         let (tilt_s, tilt_c) =
             if self.teetering { (sin_t1, cos_t1) } else { (S::default(), S::constant(1.0)) };
         let beta_rate = if self.teetering { beta_rate1 } else { S::default() };
@@ -558,10 +563,8 @@ impl Rotor {
         };
         let force = [alpha_y * -sz, w[0] * sz, S::default()];
         let moment = [w[0] * -jx + a[1] * sz, my, w[2] * -jz];
-        let back =
-            |t: [S; 3]| blades[0].scale(t[0]) + blades[1].scale(t[1]) + blades[2].scale(t[2]);
         let moment_hub = if torque_tilts || !self.teetering {
-            back(moment)
+            unresolved(blades, moment)
         } else {
             // In-plane moments about the shaft and the line of the blades.
             let along = Vec3([blades[1].0[1], -blades[1].0[0], S::default()]);
@@ -569,7 +572,7 @@ impl Rotor {
                 + blades[1].scale(moment[1])
                 + Vec3([S::default(), S::default(), moment[2]])
         };
-        (back(force), moment_hub, teeter)
+        (unresolved(blades, force), moment_hub, teeter)
     }
 
     /// ∫f_T, ∫f_P, ∫r f_T, ∫r f_P over a blade (Eqs. 34, 38): N and N m, f_T
@@ -780,6 +783,12 @@ impl Rotor {
         let surplus = moment(false) - moment(true);
         surplus.0[2] * shaft.speed - surplus.dot(input.rate_hub)
     }
+}
+
+/// A vector in hub axes from its components along the rows of a rotation.
+#[inline(always)]
+fn unresolved<S: Scalar>(rows: &[Vec3<S>; 3], components: [S; 3]) -> Vec3<S> {
+    rows[0].scale(components[0]) + rows[1].scale(components[1]) + rows[2].scale(components[2])
 }
 
 /// Walks the blades once more in plain numbers to split their power.
