@@ -153,7 +153,7 @@ fn claim_table(list: &[Claim]) -> String {
         table.row([
             Cell::from(claim.source),
             Cell::from(claim.text.as_str()),
-            Cell::from(claim.ours),
+            if claim.ours.is_nan() { Cell::from("none") } else { Cell::from(claim.ours) },
             Cell::from(claim.unit),
             Cell::from(words),
             Cell::from(bound),
