@@ -10,7 +10,7 @@ use std::path::Path;
 use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::trim::{FlightCondition, Options, sweep};
 use coaxdesign::validation::eigenvalues::pair_eigenvalues;
-use coaxdesign::validation::hypotheses::{BASE, BOTH_ENDS, Figure, STUDIES};
+use coaxdesign::validation::hypotheses::{BASE, BOTH_ENDS, Figure, Findings, STUDIES, Study};
 use coaxdesign::validation::{LevelFlight, identities, paper};
 use common::{KNOT, problem, vehicle};
 use program::{code, err, out};
@@ -113,35 +113,58 @@ fn hypotheses_can_be_repeated_by_a_command() {
     }
 }
 
+/// A study that has been run.
+struct Tried {
+    study: &'static Study,
+    findings: Findings,
+}
+
+impl Tried {
+    fn new(name: &str) -> Self {
+        let study = STUDIES.iter().find(|study| study.name == name).unwrap();
+        Self { study, findings: study.run().unwrap() }
+    }
+
+    fn place(&self, row: &'static str, column: &'static str) -> usize {
+        let entry = Figure::Entry(row, column);
+        self.study.figures.iter().position(|figure| *figure == entry).unwrap()
+    }
+
+    fn value(&self, trial: &str, row: &'static str, column: &'static str) -> f64 {
+        let trial = self.findings.trials.iter().find(|t| t.name == trial).unwrap();
+        trial.values[self.place(row, column)]
+    }
+
+    fn print(&self, row: &'static str, column: &'static str) -> f64 {
+        self.findings.printed[self.place(row, column)]
+    }
+
+    fn miss(&self, trial: &str, row: &'static str, column: &'static str) -> f64 {
+        (self.value(trial, row, column) - self.print(row, column)).abs()
+    }
+}
+
 /// What is concluded from the hypotheses on the rate derivatives.
 #[test]
 fn val_hypotheses_on_rate_derivatives() {
-    let study = STUDIES.iter().find(|study| study.name == "rates").unwrap();
-    let findings = study.run().unwrap();
-    let place = |row, column| {
-        study.figures.iter().position(|figure| *figure == Figure::Entry(row, column)).unwrap()
-    };
-    let value = |name: &str, row, column| {
-        findings.trials.iter().find(|t| t.name == name).unwrap().values[place(row, column)]
-    };
-    let print = |row, column| findings.printed[place(row, column)];
+    let rates = Tried::new("rates");
     // The slip of sign brings X_q and M_q nearer to print and moves X_q away
     // from −Y_p, which no right model of a hovering pair does.
-    let miss = |name, row, column| (value(name, row, column) - print(row, column)).abs();
     for (row, column) in [("u", "q"), ("q", "q")] {
-        assert!(miss(BASE, row, column) < 0.3 * miss("changed-sign", row, column));
+        assert!(rates.miss(BASE, row, column) < 0.3 * rates.miss("changed-sign", row, column));
     }
-    let unlike = |name| value(name, "u", "q") + value(name, "v", "p");
+    let unlike = |trial| rates.value(trial, "u", "q") + rates.value(trial, "v", "p");
     assert!(unlike("changed-sign").abs() < 0.01 && unlike(BASE) > 0.3);
     // The flow through the disk fits Y_p better and overshoots X_q.
-    assert!(miss("through-flow", "v", "p") < miss(BASE, "v", "p"));
-    assert!(value("through-flow", "u", "q") > 1.5 * print("u", "q"));
+    assert!(rates.miss("through-flow", "v", "p") < rates.miss(BASE, "v", "p"));
+    assert!(rates.value("through-flow", "u", "q") > 1.5 * rates.print("u", "q"));
     // The uneven mean takes X_q nearer and leaves X_p alone.
-    assert!(miss(BOTH_ENDS, "u", "q") < miss(BASE, "u", "q"));
-    let moved = value(BOTH_ENDS, "u", "p") / value(BASE, "u", "p") - 1.0;
+    assert!(rates.miss(BOTH_ENDS, "u", "q") < rates.miss(BASE, "u", "q"));
+    let moved = rates.value(BOTH_ENDS, "u", "p") / rates.value(BASE, "u", "p") - 1.0;
     assert!(moved.abs() < 0.1, "{moved}");
     // With the slip and converged coefficients X_p and Y_q part as in print.
-    assert!(value("converged-rule", "u", "p") > 2.0 * value("converged-rule", "v", "q"));
+    let [x_p, y_q] = [("u", "p"), ("v", "q")].map(|(r, c)| rates.value("converged-rule", r, c));
+    assert!(x_p > 2.0 * y_q, "{x_p} {y_q}");
 }
 
 /// A pair that is the same from all sides has X_v = −Y_u. Print has both of one
@@ -149,18 +172,11 @@ fn val_hypotheses_on_rate_derivatives() {
 /// 0.0015 1/s of 0.0098 and 0.0045 1/s.
 #[test]
 fn val_hypotheses_on_lateral_speed_derivatives() {
-    let study = STUDIES.iter().find(|study| study.name == "speed").unwrap();
-    let findings = study.run().unwrap();
-    let place = |row, column| {
-        study.figures.iter().position(|figure| *figure == Figure::Entry(row, column)).unwrap()
-    };
-    let value = |name: &str, row, column| {
-        findings.trials.iter().find(|t| t.name == name).unwrap().values[place(row, column)]
-    };
+    let speed = Tried::new("speed");
     for (row, column) in [("u", "v"), ("v", "u")] {
-        let miss = value("converged-rule", row, column) - findings.printed[place(row, column)];
-        assert!(miss.abs() < 0.0015, "({row}, {column}): {miss}");
+        let miss = speed.miss("converged-rule", row, column);
+        assert!(miss < 0.0015, "({row}, {column}): {miss}");
     }
-    let sum = value("changed-sign", "u", "v") + value("changed-sign", "v", "u");
+    let sum = speed.value("changed-sign", "u", "v") + speed.value("changed-sign", "v", "u");
     assert!(sum.abs() < 2e-4, "{sum}");
 }
