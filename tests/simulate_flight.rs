@@ -118,7 +118,7 @@ fn val_paper_maneuver_is_flown_within_its_bounds() {
 }
 
 /// To 70 kt in the same 23 s, at less before the turn than after it: all the
-/// bounds as well. Along one straight line the heading rate is 0.012 rad/s off,
+/// bounds as well. Along one straight line the heading rate is 0.011 rad/s off,
 /// because a turn at 40 kt leaves the cyclic less to accelerate with.
 #[test]
 fn val_paper_maneuver_to_70_kt_is_flown_within_its_bounds() {
