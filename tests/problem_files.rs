@@ -99,11 +99,13 @@ fn overrides_change_what_they_name_and_nothing_else() {
     assert!((appendix.mass.i_zz + own - base.mass.i_zz).abs() < 1e-9 * base.mass.i_zz);
     appendix.mass.i_zz = base.mass.i_zz;
     appendix.fuselages = base.fuselages.clone();
+    assert_ne!(format!("{:?}", appendix.wings), format!("{:?}", base.wings));
+    appendix.wings = base.wings.clone();
     for (rotor, original) in appendix.rotors.iter_mut().zip(&base.rotors) {
         assert_eq!(rotor.hub.water_line, original.hub.water_line);
         rotor.hub = original.hub;
         rotor.teeter_torque_tilt = original.teeter_torque_tilt;
-        rotor.airfoil = original.airfoil.clone();
+        rotor.root_cutout = original.root_cutout;
     }
     assert_eq!(format!("{appendix:?}"), format!("{base:?}"));
 }

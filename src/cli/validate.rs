@@ -77,7 +77,9 @@ fn study_table(study: &Study) -> Result<String, CliError> {
     let findings = study.run().map_err(fault)?;
     let mut columns = vec![Column::text("problem"), Column::text("what is changed")];
     let digits = |figure: &Figure| match figure {
-        Figure::Entry(..) | Figure::Inflow(_) => Digits::Decimals(4),
+        Figure::Entry(..) | Figure::HalfSum(_) | Figure::HalfDifference(_) | Figure::Inflow(_) => {
+            Digits::Decimals(4)
+        }
         Figure::Thrust(_) | Figure::Power(_) => Digits::Decimals(1),
         Figure::PitchAttitude => Digits::Decimals(2),
     };

@@ -52,17 +52,17 @@ macro_rules! hypotheses {
 pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "changed-sign",
     "converged-rule",
+    "linear-section",
     "no-blade-drag",
     "no-i-xz",
+    "no-root-cutout",
+    "no-tail-wash",
+    "no-tail-wash-drag",
     "printed-drag-areas",
     "printed-fin",
     "printed-hubs",
     "printed-i-zz",
-    "root-cutout",
-    "section-table",
     "small-angles",
-    "tail-wash",
-    "tail-wash-drag",
     "through-flow",
     "through-flow-changed-sign",
     "torque-tilt",
@@ -98,6 +98,10 @@ impl Hypothesis {
 pub enum Figure {
     /// An entry of the residualised A or B: row and column.
     Entry(&'static str, &'static str),
+    /// Half the sum of two entries.
+    HalfSum([(&'static str, &'static str); 2]),
+    /// Half the difference of two entries, the first less the second.
+    HalfDifference([(&'static str, &'static str); 2]),
     /// Mean thrust of a rotor, lbf.
     Thrust(usize),
     /// Mean power of a rotor, hp.
@@ -115,6 +119,10 @@ impl Figure {
         let rotor = |k: usize| if k == 0 { "upper" } else { "lower" };
         match self {
             Figure::Entry(row, column) => format!("({row}, {column})"),
+            Figure::HalfSum([a, b]) => format!("½ (({}, {}) + ({}, {}))", a.0, a.1, b.0, b.1),
+            Figure::HalfDifference([a, b]) => {
+                format!("½ (({}, {}) − ({}, {}))", a.0, a.1, b.0, b.1)
+            }
             Figure::Thrust(k) => format!("T {} (lbf)", rotor(k)),
             Figure::Power(k) => format!("P {} (hp)", rotor(k)),
             Figure::Inflow(k) => format!("λ0 {}", rotor(k)),
@@ -126,7 +134,9 @@ impl Figure {
     fn printed(self, condition: Condition) -> Result<f64, LinearError> {
         let hover = |k: usize| (condition == Condition::Hover).then_some(()).and(HOVER_ON.get(k));
         Ok(match self {
-            Figure::Entry(row, column) => entry(&appendix(condition)?, row, column)?,
+            Figure::Entry(..) | Figure::HalfSum(_) | Figure::HalfDifference(_) => {
+                self.of_matrices(&appendix(condition)?)?
+            }
             Figure::Thrust(k) => hover(k).map_or(f64::NAN, |r| r.thrust / POUND_FORCE),
             Figure::Power(k) => hover(k).map_or(f64::NAN, |r| r.power / HORSEPOWER),
             Figure::Inflow(k) => hover(k).map_or(f64::NAN, |r| r.inflow),
@@ -139,11 +149,24 @@ impl Figure {
         })
     }
 
+    /// A figure of the matrices alone; NaN for those that are not.
+    fn of_matrices(self, model: &StateSpace) -> Result<f64, LinearError> {
+        let at = |(row, column)| entry(model, row, column);
+        Ok(match self {
+            Figure::Entry(row, column) => at((row, column))?,
+            Figure::HalfSum([a, b]) => 0.5 * (at(a)? + at(b)?),
+            Figure::HalfDifference([a, b]) => 0.5 * (at(a)? - at(b)?),
+            _ => f64::NAN,
+        })
+    }
+
     /// Ours.
     fn ours(self, point: &TrimPoint, model: &StateSpace) -> Result<f64, LinearError> {
         let rotor = |k: usize| point.rotors.get(k);
         Ok(match self {
-            Figure::Entry(row, column) => entry(model, row, column)?,
+            Figure::Entry(..) | Figure::HalfSum(_) | Figure::HalfDifference(_) => {
+                self.of_matrices(model)?
+            }
             Figure::Thrust(k) => rotor(k).map_or(f64::NAN, |r| r.thrust / POUND_FORCE),
             Figure::Power(k) => rotor(k).map_or(f64::NAN, |r| r.power / HORSEPOWER),
             Figure::Inflow(k) => rotor(k).map_or(f64::NAN, |r| r.inflow[0]),
@@ -176,8 +199,8 @@ pub struct Study {
 }
 
 /// Every study of the validation page.
-pub const STUDIES: [Study; 5] = {
-    use Figure::{Entry, Inflow, PitchAttitude, Power, Thrust};
+pub const STUDIES: [Study; 6] = {
+    use Figure::{Entry, HalfDifference, HalfSum, Inflow, PitchAttitude, Power, Thrust};
     [
         Study {
             name: "hover",
@@ -197,10 +220,10 @@ pub const STUDIES: [Study; 5] = {
             hypotheses: &[
                 "converged-rule",
                 "total-mass-flow",
-                "section-table",
+                "no-root-cutout",
+                "linear-section",
                 "torque-tilt",
                 "printed-hubs",
-                "root-cutout",
             ],
         },
         Study {
@@ -221,12 +244,28 @@ pub const STUDIES: [Study; 5] = {
                 "through-flow",
                 "through-flow-changed-sign",
                 BOTH_ENDS,
+                "no-root-cutout",
+                "linear-section",
                 "small-angles",
                 "torque-tilt",
                 "converged-rule",
                 "total-mass-flow",
                 "no-i-xz",
             ],
+        },
+        // What two axes share, and what tells them apart.
+        Study {
+            name: "symmetry",
+            condition: Condition::Hover,
+            figures: &[
+                HalfDifference([("u", "q"), ("v", "p")]),
+                HalfSum([("u", "q"), ("v", "p")]),
+                HalfSum([("u", "p"), ("v", "q")]),
+                HalfDifference([("u", "p"), ("v", "q")]),
+                HalfDifference([("u", "v"), ("v", "u")]),
+                HalfSum([("u", "v"), ("v", "u")]),
+            ],
+            hypotheses: &["changed-sign", "converged-rule", BOTH_ENDS, "no-root-cutout"],
         },
         Study {
             name: "speed",
@@ -240,10 +279,10 @@ pub const STUDIES: [Study; 5] = {
                 Entry("q", "u"),
             ],
             hypotheses: &[
+                "linear-section",
                 "no-blade-drag",
                 "small-angles",
-                "section-table",
-                "root-cutout",
+                "no-root-cutout",
                 "changed-sign",
                 "converged-rule",
                 "total-mass-flow",
@@ -268,6 +307,8 @@ pub const STUDIES: [Study; 5] = {
                 "no-i-xz",
                 "torque-tilt",
                 "printed-hubs",
+                "no-root-cutout",
+                "linear-section",
                 "no-blade-drag",
             ],
         },
@@ -291,10 +332,11 @@ pub const STUDIES: [Study; 5] = {
             ],
             hypotheses: &[
                 "printed-drag-areas",
-                "tail-wash",
-                "tail-wash-drag",
+                "no-tail-wash",
+                "no-tail-wash-drag",
+                "linear-section",
                 "small-angles",
-                "section-table",
+                "no-root-cutout",
                 "printed-hubs",
                 "torque-tilt",
                 "printed-i-zz",

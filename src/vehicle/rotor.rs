@@ -456,14 +456,12 @@ impl Rotor {
             moment_f[1],
             tilt_s * moment_f[0] + tilt_c * moment_f[2],
         ];
-        // In-plane moments tilt with the blades; the switch leaves them about
-        // the shaft and the spanwise line in the disk, those of the air too.
+        // In-plane moments tilt with the blades. The switch puts them about the
+        // shaft, those of the air too, and in-plane forces at the hinge: nothing
+        // is left about the line of the blades.
         let untilted = self.teetering && !torque_tilts;
-        let (mt_s, mt_c) =
-            if untilted { (S::default(), S::constant(1.0)) } else { (tilt_s, tilt_c) };
         if untilted {
-            moment =
-                Vec3([-(c * aero_t[0] + s * aero_t[1]), s * aero_t[0] - c * aero_t[1], aero_t[2]]);
+            moment = Vec3([-(s * aero_t[1]), -(c * aero_t[1]), aero_t[2]]);
         }
         let scale = 1.0 / self.force_scale();
         let thrust_coefficient = force.0[2] * -scale;
@@ -482,8 +480,11 @@ impl Rotor {
             hub_my,
             aero_t[2] - alpha[2] * jz - wx * wy * (jy - jx),
         ];
-        let hub_f =
-            [mt_c * hub_t[0] + mt_s * hub_t[2], hub_t[1], mt_c * hub_t[2] - mt_s * hub_t[0]];
+        let hub_f = if untilted {
+            [S::default(), hub_t[1], hub_t[2]]
+        } else {
+            [tilt_c * hub_t[0] + tilt_s * hub_t[2], hub_t[1], tilt_c * hub_t[2] - tilt_s * hub_t[0]]
+        };
         let moment_hub =
             Vec3([-(c * hub_f[0] + s * hub_f[1]), s * hub_f[0] - c * hub_f[1], hub_f[2]]);
         let sz = -self.first_moment;
@@ -566,11 +567,8 @@ impl Rotor {
         let moment_hub = if torque_tilts || !self.teetering {
             unresolved(blades, moment)
         } else {
-            // In-plane moments about the shaft and the line of the blades.
-            let along = Vec3([blades[1].0[1], -blades[1].0[0], S::default()]);
-            along.scale(moment[0])
-                + blades[1].scale(moment[1])
-                + Vec3([S::default(), S::default(), moment[2]])
+            // In-plane moments about the shaft; the hinge carries none.
+            Vec3([S::default(), S::default(), moment[2]])
         };
         (unresolved(blades, force), moment_hub, teeter)
     }
@@ -761,8 +759,8 @@ impl Rotor {
     }
 
     /// Shaft power, W, that goes into no work of the blades, because in-plane
-    /// moments are left about the shaft while the blades teeter: the work of
-    /// the moment on the hub less that of the tilted one. Zero where moments
+    /// moments act about the shaft while the blades teeter: the work of the
+    /// moment on the hub less that of the exact one. Zero where moments
     /// tilt. `acceleration` holds the hub's acceleration less gravity and its
     /// angular acceleration, hub frame.
     #[must_use]

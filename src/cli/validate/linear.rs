@@ -41,9 +41,9 @@ fn known_misfit(condition: Condition, row: &str, column: &str) -> &'static str {
         (Condition::Hover, "r", "r" | "lat" | "ped") => "inertia of the blades in yaw",
         (Condition::Hover, "w", "w" | "p" | "q") => "small difference of two rotors",
         (Condition::Forward, "u" | "q", "w" | "lon" | "col" | "ped") => {
-            "thrust line, stalled roots"
+            "thrust line, wash at the tail"
         }
-        (Condition::Forward, "w", "u") => "thrust line, stalled roots",
+        (Condition::Forward, "w", "u") => "thrust line, wash at the tail",
         (Condition::Forward, "r", "p" | "r" | "ped") => "inertia of the blades in yaw, in part",
         _ => "unexplained",
     }
