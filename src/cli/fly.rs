@@ -213,7 +213,7 @@ pub fn flight_error(error: &FlightError) -> CliError {
             message: error.to_string(),
             help: "write [rotors.NAME.governor] in the problem, or --model \"governor=1 s\"".into(),
         },
-        FlightError::NoLaw => CliError::Internal(error.to_string()),
+        FlightError::NoLaw | FlightError::Law(_) => CliError::Internal(error.to_string()),
     }
 }
 

@@ -275,6 +275,48 @@ pub struct Demand {
     pub vertical_velocity: f64,
 }
 
+/// A measurement, a demand or a stick that is not a finite number. The law
+/// keeps its memory and its sticks as they were.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotFinite {
+    /// What is not.
+    pub input: &'static str,
+}
+
+impl std::fmt::Display for NotFinite {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} is not finite: the law keeps its memory and its sticks", self.input)
+    }
+}
+
+impl std::error::Error for NotFinite {}
+
+impl Measurement {
+    fn checked(&self) -> Result<(), NotFinite> {
+        finite("the measured velocity", &self.velocity_body)?;
+        finite("a measured rate", &self.rates)?;
+        finite("a measured attitude", &[self.roll, self.pitch])?;
+        finite("the measured airspeed", &[self.airspeed])
+    }
+}
+
+impl Demand {
+    fn checked(&self) -> Result<(), NotFinite> {
+        match self.horizontal {
+            Horizontal::Attitude { roll, pitch } => finite("a demanded attitude", &[roll, pitch])?,
+            Horizontal::Velocity { forward, right } => {
+                finite("a demanded velocity", &[forward, right])?;
+            }
+        }
+        finite("the demanded heading rate", &[self.heading_rate])?;
+        finite("the demanded vertical velocity", &[self.vertical_velocity])
+    }
+}
+
+fn finite(input: &'static str, values: &[f64]) -> Result<(), NotFinite> {
+    if values.iter().all(|value| value.is_finite()) { Ok(()) } else { Err(NotFinite { input }) }
+}
+
 /// Response type of the horizontal axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Horizontal {
@@ -439,10 +481,21 @@ impl Controller {
     /// Starts from a measurement with given sticks, %, and without a
     /// transient: the integrals take what the law would otherwise lack, as when
     /// it is switched on in trimmed flight that is not the schedule's own.
-    pub fn engage(&mut self, m: &Measurement, demand: &Demand, sticks: [f64; 4]) {
+    ///
+    /// # Errors
+    /// An input that is not finite; nothing has changed then.
+    pub fn engage(
+        &mut self,
+        m: &Measurement,
+        demand: &Demand,
+        sticks: [f64; 4],
+    ) -> Result<(), NotFinite> {
+        finite("a stick", &sticks)?;
+        m.checked()?;
+        demand.checked()?;
         self.started = false;
         let mut trial = self.clone();
-        let own = trial.step(m, demand);
+        let own = trial.step(m, demand)?;
         // Now started, with the integrals still at zero.
         let p = self.table.at(m.airspeed);
         let (vertical, ground) = earth_velocity(m);
@@ -459,11 +512,12 @@ impl Controller {
             }
             // The attitude now asked for is the one flown.
             let mut again = self.clone();
-            let own = again.step(m, demand);
+            let own = again.step(m, demand)?;
             self.load_integrals(&p, own, sticks);
         } else {
             self.load_integrals(&p, own, sticks);
         }
+        Ok(())
     }
 
     /// Sets the integrals so that the sticks move from `own` to `sticks`.
@@ -509,7 +563,13 @@ impl Controller {
     }
 
     /// One step: sticks lat, lon, col, ped in %.
-    pub fn step(&mut self, m: &Measurement, demand: &Demand) -> [f64; 4] {
+    ///
+    /// # Errors
+    /// An input that is not finite. Nothing has changed then: whoever flies
+    /// keeps the sticks of the step before.
+    pub fn step(&mut self, m: &Measurement, demand: &Demand) -> Result<[f64; 4], NotFinite> {
+        m.checked()?;
+        demand.checked()?;
         let settings = self.table.settings;
         let (vertical, ground) = earth_velocity(m);
         let [forward, right] = ground;
@@ -768,7 +828,7 @@ impl Controller {
                 self.integrals[i] += dt * errors[i];
             }
         }
-        self.sticks
+        Ok(self.sticks)
     }
 
     /// Peak of the deviation u, v that the reference model has built up, m/s:
@@ -907,6 +967,32 @@ mod tests {
         LawTable::new(vec![p.clone()], t.settings, t.turn).unwrap()
     }
 
+    /// An input that is no number is refused by name, and the next good one is
+    /// answered as if it had not been.
+    #[test]
+    fn what_is_not_finite_changes_nothing() {
+        let t = table();
+        let p = t.at(15.0);
+        let good = calm(at_trim(&p));
+        let mut c = Controller::new(t, 0.01, [[-100.0, 100.0]; 4]);
+        c.step(&good, &hold(&p)).unwrap();
+        let mut untouched = c.clone();
+        let bad_rate = Measurement { rates: [0.0, f64::NAN, 0.0], ..good };
+        let bad_speed = Measurement { airspeed: f64::INFINITY, ..good };
+        let bad_demand = Demand { heading_rate: f64::NAN, ..hold(&p) };
+        for (m, demand, input) in [
+            (bad_rate, hold(&p), "a measured rate"),
+            (bad_speed, hold(&p), "the measured airspeed"),
+            (good, bad_demand, "the demanded heading rate"),
+        ] {
+            assert_eq!(c.step(&m, &demand), Err(NotFinite { input }));
+            assert_eq!(c.engage(&m, &demand, [0.0; 4]), Err(NotFinite { input }));
+        }
+        let sticks = [0.0, f64::NAN, 0.0, 0.0];
+        assert_eq!(c.engage(&good, &hold(&p), sticks), Err(NotFinite { input: "a stick" }));
+        assert_eq!(c.step(&good, &hold(&p)), untouched.step(&good, &hold(&p)));
+    }
+
     /// At trim with the trim demanded the sticks are the trim's, and stay. At
     /// breakpoints: between them the interpolated trim climbs a little.
     #[test]
@@ -916,7 +1002,7 @@ mod tests {
             let p = t.at(speed);
             let mut c = Controller::new(alone(&t, &p), 0.01, [[-100.0, 100.0]; 4]);
             for _ in 0..50 {
-                let sticks = c.step(&calm(at_trim(&p)), &hold(&p));
+                let sticks = c.step(&calm(at_trim(&p)), &hold(&p)).unwrap();
                 for (s, want) in sticks.iter().zip(p.inversion.trim.sticks) {
                     assert!((s - want).abs() < 1e-9, "{s} {want} at {speed}");
                 }
@@ -938,7 +1024,7 @@ mod tests {
                 let h = 1e-6;
                 let response = |sign: f64| {
                     let mut c = Controller::new(alone(&t, &p), 1e-9, [[-1e6, 1e6]; 4]);
-                    c.step(&calm(at_trim(&p)), &hold(&p));
+                    c.step(&calm(at_trim(&p)), &hold(&p)).unwrap();
                     let mut m = at_trim(&p);
                     let d = sign * h;
                     match k {
@@ -947,7 +1033,7 @@ mod tests {
                         6 => m.roll += d,
                         _ => m.pitch += d,
                     }
-                    c.step(&calm(m), &hold(&p))
+                    c.step(&calm(m), &hold(&p)).unwrap()
                 };
                 let (up, down) = (response(1.0), response(-1.0));
                 for j in 0..4 {
@@ -1015,11 +1101,11 @@ mod tests {
             let sticks = [&with, &without].map(|t| {
                 let p = t.at(20.0);
                 let mut c = Controller::new(t.clone(), 0.01, [[-1e6, 1e6]; 4]);
-                c.step(&calm(at_trim(&p)), &hold(&p));
+                c.step(&calm(at_trim(&p)), &hold(&p)).unwrap();
                 let mut m = at_trim(&p);
                 m.velocity_body[2] += 0.1 * size;
                 m.rates[2] += 0.01 * size;
-                c.step(&calm(m), &hold(&p))
+                c.step(&calm(m), &hold(&p)).unwrap()
             });
             (0..4).map(|j| (sticks[0][j] - sticks[1][j]).abs()).fold(0.0, f64::max)
         };
@@ -1040,8 +1126,8 @@ mod tests {
         }
         let m = calm(at_trim(&p));
         let mut c = Controller::new(t.clone(), 0.01, [[-100.0, 100.0]; 4]);
-        c.engage(&m, &hold(&p), sticks);
-        for (got, want) in c.step(&m, &hold(&p)).iter().zip(sticks) {
+        c.engage(&m, &hold(&p), sticks).unwrap();
+        for (got, want) in c.step(&m, &hold(&p)).unwrap().iter().zip(sticks) {
             assert!((got - want).abs() < 0.02, "{got} {want}");
         }
     }
@@ -1056,7 +1142,7 @@ mod tests {
             let first = |d: [f64; 4]| {
                 let mut c = Controller::new(t.clone(), 0.01, [[-1e6, 1e6]; 4]);
                 c.disturb(d);
-                c.step(&calm(at_trim(&p)), &hold(&p))
+                c.step(&calm(at_trim(&p)), &hold(&p)).unwrap()
             };
             let mut d = [0.0; 4];
             d[axis.index()] = 1e-3;
@@ -1097,7 +1183,7 @@ mod tests {
             };
             let mut demand = hold(&p);
             demand.horizontal = Horizontal::Attitude { roll: trim.roll + step, pitch: trim.pitch };
-            let sticks = c.step(&m, &demand);
+            let sticks = c.step(&m, &demand).unwrap();
             pipe.push_back(std::array::from_fn(|j| sticks[j] - trim.sticks[j]));
             let late = pipe.pop_front().unwrap();
             for j in 0..4 {

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 use super::{ExportError, File, Input};
 use crate::control::axis::Channel;
-use crate::control::law::{Controller, Demand, Horizontal, LawTable, Measurement};
+use crate::control::law::{Controller, Demand, Horizontal, LawTable, Measurement, NotFinite};
 
 /// Length of the sequence, s.
 pub const DURATION: f64 = 30.0;
@@ -154,15 +154,22 @@ fn stimulus(table: &LawTable, time: f64) -> (Measurement, Demand) {
 }
 
 /// The law's answer to the sequence at a step in s.
-pub fn steps(table: &LawTable, stick_limits: [[f64; 2]; 4], step: f64) -> Vec<Row> {
+///
+/// # Errors
+/// A law whose trims are no numbers.
+pub fn steps(
+    table: &LawTable,
+    stick_limits: [[f64; 2]; 4],
+    step: f64,
+) -> Result<Vec<Row>, NotFinite> {
     let mut controller = Controller::new(table.clone(), step, stick_limits);
     let count = (DURATION / step).round() as usize;
     (0..=count)
         .map(|k| {
             let time = k as f64 * step;
             let (measurement, demand) = stimulus(table, time);
-            let sticks = controller.step(&measurement, &demand);
-            Row { time, measurement, demand, sticks }
+            let sticks = controller.step(&measurement, &demand)?;
+            Ok(Row { time, measurement, demand, sticks })
         })
         .collect()
 }
@@ -231,7 +238,9 @@ fn line(out: &mut String, numbers: &[f64]) {
 pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
     let step = input.options.step;
     let mut sequence = COLUMNS.join(",") + "\n";
-    for row in steps(input.law, input.schedule.stick_limits, step) {
+    let rows = steps(input.law, input.schedule.stick_limits, step)
+        .map_err(|error| ExportError::Option(error.to_string()))?;
+    for row in rows {
         line(&mut sequence, &row.numbers());
     }
     let mut tables = format!("speed,{}\n", lookup_names(input).join(","));
@@ -259,7 +268,7 @@ mod tests {
         let schedule = sample::schedule();
         let law = schedule.law().unwrap();
         let limits = schedule.stick_limits;
-        let rows = steps(&law, limits, 0.01);
+        let rows = steps(&law, limits, 0.01).unwrap();
         assert_eq!(rows.len(), 3001);
         let speeds = || rows.iter().map(|r| r.measurement.airspeed);
         assert!(speeds().fold(f64::MAX, f64::min) < 0.0);

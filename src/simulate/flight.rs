@@ -4,7 +4,7 @@ use super::maneuver::{Held, Input, Maneuver, Mode};
 use super::simulator::{Departure, Options, SimulationError, Simulator};
 use crate::control::axis::Axis;
 use crate::control::law::{
-    Controller, Demand, Horizontal, LawTable, Measurement, References, earth_velocity,
+    Controller, Demand, Horizontal, LawTable, Measurement, NotFinite, References, earth_velocity,
 };
 use crate::trim::ConvergedTrim;
 use crate::vehicle::{Layout, Vehicle};
@@ -56,6 +56,9 @@ pub enum FlightError {
          every rotor a governor"
     )]
     NoRotorSpeed,
+    /// The trim or the manoeuvre's first demand is no number.
+    #[error("the law cannot be switched on: {0}")]
+    Law(#[from] NotFinite),
 }
 
 /// A law and the sticks that it may use.
@@ -146,7 +149,7 @@ impl<'a> Flight<'a> {
             stick_limits = law.stick_limits;
             let mut c = Controller::new(law.table.clone(), simulator.period(), stick_limits);
             if let Some(demand) = maneuver.demand(0.0, &held) {
-                c.engage(&settled, &demand, trim.sticks);
+                c.engage(&settled, &demand, trim.sticks)?;
             }
             controller = Some(c);
         }
@@ -195,7 +198,10 @@ impl<'a> Flight<'a> {
             _ => {}
         }
         let base = match (&mut self.controller, &self.demand) {
-            (Some(controller), Some(demand)) => controller.step(&measurement, demand),
+            // A flight that is not finite keeps its sticks and ends in `advance`.
+            (Some(controller), Some(demand)) => {
+                controller.step(&measurement, demand).unwrap_or(self.sticks)
+            }
             _ => self.trim_sticks,
         };
         let mut inputs = self.maneuver.inputs(time);

@@ -218,7 +218,7 @@ pub enum IdentifyError {
         time: f64,
     },
     /// The linear model cannot be integrated.
-    #[error("the linear model grows beyond all numbers within a step")]
+    #[error("the linear model grows beyond all numbers")]
     NotFinite,
 }
 

@@ -4,7 +4,7 @@
 //! ```text
 //! loop {
 //!     let measurement = simulator.measure();
-//!     let sticks = controller.step(&measurement, &demand);
+//!     let sticks = controller.step(&measurement, &demand)?;
 //!     simulator.advance(sticks)?;
 //! }
 //! ```

@@ -252,7 +252,7 @@ fn linear(
     let mut filter = SensorFilter::new(hardware.sensor_bandwidth, step, signals(&mean));
     let mut controller = Controller::new(law.table.clone(), period, law.stick_limits);
     if let Some(demand) = maneuver.demand(0.0, &held) {
-        controller.engage(&mean, &demand, trim.sticks);
+        controller.engage(&mean, &demand, trim.sticks).map_err(|_| IdentifyError::NotFinite)?;
     }
     let now = |x: &DVector<f64>| {
         let mut state = signals(&mean);
@@ -268,7 +268,8 @@ fn linear(
         let measured =
             Measurement { velocity_body: [u, v, w], rates: [p, q, r], roll, pitch, airspeed };
         if let Some(demand) = maneuver.demand(k as f64 * period, &held) {
-            delay.push(controller.step(&measured, &demand));
+            let sticks = controller.step(&measured, &demand);
+            delay.push(sticks.map_err(|_| IdentifyError::NotFinite)?);
         }
         for substep in 0..substeps {
             for half in 0..2 {

@@ -204,6 +204,11 @@ impl<'a> Shooting<'a> {
         Flown { unknowns: x.clone(), orbit, period }
     }
 
+    /// Keeps a period, for when it is asked for again.
+    pub(super) fn keep(&self, flown: Flown) {
+        self.last.replace(Some(flown));
+    }
+
     /// By how much the scaled residuals of a period should change with a finer
     /// step, as far as the method can tell from this flight; `None` if it
     /// cannot.

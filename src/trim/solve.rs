@@ -412,6 +412,16 @@ pub fn trim(
     }
     loop {
         let shooting = Shooting::new(vehicle, condition, options.method, steps);
+        if let Some((error, corrected)) = foreseen(&shooting, &start, &mut jacobian)
+            && error > options.step_tolerance
+            && let finer = finer_steps(steps, error, options)
+            && finer <= options.most_steps
+        {
+            start = shooting.unpack(&corrected);
+            coarser = Some((steps, corrected));
+            steps = finer;
+            continue;
+        }
         let solution = solve(&shooting, &start, jacobian.as_ref(), options.residual_tolerance);
         let solution = match solution {
             Ok(solution) => solution,
@@ -435,8 +445,7 @@ pub fn trim(
             (None, f64::NAN)
         };
         let fine = error <= options.step_tolerance;
-        let advised = advised_steps(steps, error, AIM * options.step_tolerance, options.method);
-        let finer = advised.max((steps + steps / 4).next_multiple_of(EVEN));
+        let finer = finer_steps(steps, error, options);
         if converged && !fine && finer <= options.most_steps {
             tracing::debug!(
                 rotorcraft = vehicle.name,
@@ -493,6 +502,42 @@ pub fn trim(
         }
         return point;
     }
+}
+
+/// Steps a period where this many have too large an error.
+fn finer_steps(steps: usize, error: f64, options: &Options) -> usize {
+    let advised = advised_steps(steps, error, AIM * options.step_tolerance, options.method);
+    advised.max((steps + steps / 4).next_multiple_of(EVEN))
+}
+
+/// Near the solution the first flight with a step already tells its error: the
+/// least that it will be, and Newton's step on from the start towards the
+/// solution with a finer step. `None` where the start is not near, or the
+/// method cannot tell. A Jacobian that is missing is worked out: a solve would
+/// begin with it too.
+fn foreseen(
+    shooting: &Shooting<'_>,
+    start: &(Vec<f64>, [f64; 4]),
+    jacobian: &mut Option<DMatrix<f64>>,
+) -> Option<(f64, DVector<f64>)> {
+    let x = shooting.pack(&start.0, &start.1);
+    let residuals = shooting.evaluate(&x).ok()?;
+    // What is not a number is not near either.
+    let near = residuals.amax() < COARSE_TOLERANCE;
+    if !near {
+        return None;
+    }
+    let flown = shooting.flown(&x);
+    let change = shooting.estimated_change(&flown);
+    shooting.keep(flown);
+    let change = change?;
+    if jacobian.is_none() {
+        *jacobian = Some(shooting.jacobian(&x).ok()?);
+    }
+    let factors = jacobian.clone()?.lu();
+    let error = relative_size(&factors.solve(&-&change)?, &x);
+    let corrected = &x + factors.solve(&-(residuals + change))?;
+    (error.is_finite() && corrected.iter().all(|v| v.is_finite())).then_some((error, corrected))
 }
 
 /// The Jacobian of a solve that is good enough for a similar system.

@@ -820,20 +820,17 @@ impl PowerProbe<'_> {
                 + input.pitch[1] * (azimuth - rotor.swashplate_phase).cos()
                 + input.pitch[2] * (azimuth - rotor.swashplate_phase).sin()
                 + beta_t * rotor.tan_delta_3;
+            let ((sin_t, cos_t), (sin_b, cos_b)) = (beta_t.sin_cos(), beta.sin_cos());
+            let blade_k = Vec3([sin_b, 0.0, cos_b]);
+            let blade_i = Vec3([cos_b, 0.0, -sin_b]);
             for element in &rotor.elements {
                 let x = element.radius;
                 let e = rotor.undersling;
-                let place = Vec3([
-                    e * beta_t.sin() + x * beta.cos(),
-                    0.0,
-                    e * beta_t.cos() - x * beta.sin(),
-                ]);
+                let place = Vec3([e * sin_t + x * cos_b, 0.0, e * cos_t - x * sin_b]);
                 let inflow = rotor.speed
                     * (rotor.radius * input.inflow[0]
                         + x * (input.inflow[1] * c + input.inflow[2] * s));
                 let air_f = velocity_f + rate_f.cross(place) - Vec3([0.0, 0.0, inflow]);
-                let blade_k = Vec3([beta.sin(), 0.0, beta.cos()]);
-                let blade_i = Vec3([beta.cos(), 0.0, -beta.sin()]);
                 let (ut, up, ur) = (-air_f.0[1], air_f.dot(blade_k), air_f.dot(blade_i));
                 if let Some(section) = rotor.small_angles {
                     // Lift does no work here; drag works along u_T.
@@ -841,18 +838,18 @@ impl PowerProbe<'_> {
                     let lift = section.lift_slope * element.lifting * (ut * angle + up);
                     let k = element.half_density_area;
                     self.power.profile += k * section.drag * ut * ut * ut;
-                    self.power.induced += k * lift * ut * beta.cos() * inflow;
+                    self.power.induced += k * lift * ut * cos_b * inflow;
                     continue;
                 }
-                let u = ut.hypot(up);
-                let mach = u.hypot(ur) / rotor.sound_speed;
+                let u2 = ut * ut + up * up;
+                let (u, mach) = (u2.sqrt(), (u2 + ur * ur).sqrt() / rotor.sound_speed);
                 let (lift, drag) =
-                    rotor.section.lift_drag(pitch + element.twist + up.atan2(ut), mach);
+                    rotor.section.lift_drag(pitch + element.twist + arc_tangent(up, ut), mach);
                 let lift = lift * element.lifting;
                 let k = element.half_density_area * u;
                 let f_p = -k * (lift * ut + drag * up);
                 self.power.profile += k * drag * u * u;
-                self.power.induced -= f_p * beta.cos() * inflow;
+                self.power.induced -= f_p * cos_b * inflow;
             }
         }
     }
