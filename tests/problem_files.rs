@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use coaxdesign::problem::{self, Loaded};
+use coaxdesign::units::{FOOT, SLUG};
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -90,14 +91,22 @@ fn overrides_change_what_they_name_and_nothing_else() {
     let mut appendix = load("problems/coax2d-appendix.toml").problem;
     assert_eq!(appendix.rotors[0].hub.fuselage_station, 0.0);
     assert!(appendix.rotors.iter().all(|rotor| !rotor.teeter_torque_tilt));
-    assert_eq!(appendix.inflow.interference_rule, problem::InterferenceRule::Coarse);
+    assert_eq!(appendix.inflow.interference_rule, problem::InterferenceRule::Coarse { radii: 24 });
     appendix.name = base.name.clone();
     appendix.description = base.description.clone();
     appendix.inflow = base.inflow;
-    // Yaw inertia without the blades' own about their shafts.
+    // Inertia without the blades' own about their shafts, to a hundredth.
     let own: f64 = base.rotors.iter().map(|r| r.blades as f64 * r.blade_second_moment).sum();
-    assert!((appendix.mass.i_zz + own - base.mass.i_zz).abs() < 1e-9 * base.mass.i_zz);
-    appendix.mass.i_zz = base.mass.i_zz;
+    let (s, c) = base.rotors[0].tilt.sin_cos();
+    let hundredth = 0.01 * SLUG * FOOT * FOOT;
+    for (ours, printed, part) in [
+        (&mut appendix.mass.i_xx, base.mass.i_xx, s * s),
+        (&mut appendix.mass.i_zz, base.mass.i_zz, c * c),
+        (&mut appendix.mass.i_xz, base.mass.i_xz, (s * c).abs()),
+    ] {
+        assert!((*ours + part * own - printed).abs() < hundredth, "{ours} {printed}");
+        *ours = printed;
+    }
     appendix.fuselages = base.fuselages.clone();
     assert_ne!(format!("{:?}", appendix.wings), format!("{:?}", base.wings));
     appendix.wings = base.wings.clone();

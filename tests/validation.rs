@@ -174,15 +174,16 @@ fn val_hypotheses_on_rate_derivatives() {
 }
 
 /// Half sums and differences that a pair has because it is the same from all
-/// sides are near print: X_q and Y_p, X_p and Y_q within 10 %, X_v and Y_u
-/// within 0.0015 1/s. What tells fore and aft from sideways is the slip's.
+/// sides are near print: X_q and Y_p within 10 %, X_p and Y_q within 15 %, X_v
+/// and Y_u within 0.0015 1/s. What tells fore and aft from sideways is the
+/// slip's.
 #[test]
 fn val_what_two_axes_share() {
     let symmetry = STUDIES.iter().find(|study| study.name == "symmetry").unwrap();
     let findings = symmetry.run().unwrap();
     let figures = |name: &str| &findings.trials.iter().find(|t| t.name == name).unwrap().values;
     let (print, ours) = (&findings.printed, figures(BASE));
-    for (k, tolerance) in [(0, 0.1 * print[0]), (2, 0.1 * print[2]), (4, 0.0015)] {
+    for (k, tolerance) in [(0, 0.1 * print[0]), (2, 0.15 * print[2]), (4, 0.0015)] {
         assert!((ours[k] - print[k]).abs() < tolerance, "{k}: {} and {}", ours[k], print[k]);
     }
     // A right pair has nothing to tell its axes apart but the tilt of its shafts.

@@ -340,11 +340,12 @@ fn inflow(problem: &Problem) -> Section {
     };
     row("total_inflow", "total inflow", one, text(total));
     row("lowpass_bandwidth", "bandwidth of the low-pass", Kind::Frequency, bandwidth);
-    let rule = match options.interference_rule {
-        InterferenceRule::Converged => "converged",
-        InterferenceRule::Coarse => "coarse",
+    let (rule, radii) = match options.interference_rule {
+        InterferenceRule::Converged => ("converged", None),
+        InterferenceRule::Coarse { radii } => ("coarse", number(radii as f64)),
     };
     row("interference_rule", "interference rule", one, text(rule));
+    row("interference_radii", "radii of the coarse rule", one, radii);
     section
 }
 

@@ -436,6 +436,7 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
 
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
     let bandwidth = table.number("lowpass_bandwidth");
+    let radii = table.count("interference_radii");
     Some(InflowOptions {
         interactions: table.flag("interactions")?,
         harmonics_through_flow: table.choice("harmonic_mass_flow")? == "through",
@@ -448,7 +449,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             _ => TotalInflow::Algebraic,
         },
         interference_rule: match table.choice("interference_rule")? {
-            "coarse" => InterferenceRule::Coarse,
+            "coarse" => InterferenceRule::Coarse { radii: radii? },
             _ => InterferenceRule::Converged,
         },
         mirrored_interference: table.flag("mirrored_interference")?,

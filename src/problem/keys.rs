@@ -635,6 +635,13 @@ static INFLOW: Table = Table {
             "Quadrature of the interference coefficients.",
         ),
         default(
+            "interference_radii",
+            Value::Count(4, 1000),
+            "30",
+            "Radii of the coarse rule over the disk: midpoints, joined by the trapezoid rule. Used \
+             with `interference_rule = \"coarse\"`.",
+        ),
+        default(
             "mirrored_interference",
             Value::Bool,
             "true",

@@ -343,9 +343,12 @@ pub enum TotalInflow {
 pub enum InterferenceRule {
     /// Converged integrals.
     Converged,
-    /// 30 radial midpoints joined by the trapezoid rule, which leaves out the
-    /// rim of the disk: comes closer to the published numbers.
-    Coarse,
+    /// Radial midpoints joined by the trapezoid rule, which leaves out the rim
+    /// of the disk: comes closer to the published numbers.
+    Coarse {
+        /// How many.
+        radii: usize,
+    },
 }
 
 /// Inflow and interference choices.

@@ -411,11 +411,11 @@ impl CoaxialMap {
 fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f64)> {
     match rule {
         InterferenceRule::Converged => gauss_legendre(0.0, radius, count),
-        InterferenceRule::Coarse => {
-            let step = radius / COARSE_RADII as f64;
-            (0..COARSE_RADII)
+        InterferenceRule::Coarse { radii } => {
+            let step = radius / radii as f64;
+            (0..radii)
                 .map(|k| {
-                    let end = k == 0 || k == COARSE_RADII - 1;
+                    let end = k == 0 || k == radii - 1;
                     let weight = if end { 0.5 * step } else { step };
                     ((k as f64 + 0.5) * step, weight * COARSE_AZIMUTHS)
                 })
@@ -424,8 +424,6 @@ fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f
     }
 }
 
-/// Radii of the coarse rule.
-const COARSE_RADII: usize = 30;
 /// Share of both circles, around the rim and around the disk, that a trapezoid
 /// rule between 360 azimuth midpoints covers.
 const COARSE_AZIMUTHS: f64 = (359.0 / 360.0) * (359.0 / 360.0);
@@ -764,8 +762,8 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
     let (sin_chi, cos_chi) = skew(t);
     let (first, last) = match rule {
         InterferenceRule::Converged => (0.0, radius),
-        InterferenceRule::Coarse => {
-            let strip = 0.5 * radius / COARSE_RADII as f64;
+        InterferenceRule::Coarse { radii } => {
+            let strip = 0.5 * radius / radii as f64;
             (strip, radius - strip)
         }
     };
@@ -808,7 +806,7 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
     }
     let covered = match rule {
         InterferenceRule::Converged => 1.0,
-        InterferenceRule::Coarse => COARSE_AZIMUTHS,
+        InterferenceRule::Coarse { .. } => COARSE_AZIMUTHS,
     };
     // Half the circle was covered: 1/(2π) ∫ over all = 1/π ∫ over half.
     finish(sum.map(|v| covered * v / (PI * radius * radius)))
@@ -826,7 +824,9 @@ mod tests {
 
     /// Separation of the CoAX 2D's rotors over their radius.
     const H: f64 = 2.14 / 10.66;
-    use InterferenceRule::{Coarse, Converged};
+    use InterferenceRule::Converged;
+
+    const COARSE: InterferenceRule = InterferenceRule::Coarse { radii: 30 };
 
     fn map(height: f64, rule: InterferenceRule) -> CoaxialMap {
         CoaxialMap::new(height, 1.0, rule).unwrap()
@@ -919,16 +919,16 @@ mod tests {
         // Leaving out the hub and rim strips: an independent 30 by 360 by 360
         // rule, whose azimuths cover 359/360 of the circle twice, gave 0.6385
         // and 1.2843.
-        assert!((uniform(H, Coarse) - 0.6385).abs() < 1e-4);
-        assert!((uniform(-H, Coarse) - 1.2843).abs() < 1e-3);
+        assert!((uniform(H, COARSE) - 0.6385).abs() < 1e-4);
+        assert!((uniform(-H, COARSE) - 1.2843).abs() < 1e-3);
         let covered = (59.0f64 / 60.0).powi(2) - (1.0f64 / 60.0).powi(2);
-        let sum = uniform(H, Coarse) + uniform(-H, Coarse);
+        let sum = uniform(H, COARSE) + uniform(-H, COARSE);
         assert!((sum - 2.0 * covered * COARSE_AZIMUTHS).abs() < 1e-12);
     }
 
     #[test]
     fn above_the_source_skew_enters_through_powers_of_its_half_angle() {
-        for rule in [Converged, Coarse] {
+        for rule in [Converged, COARSE] {
             let above = AboveRule::new(H, 1.0, rule);
             let one = above.functions(0.5);
             for t in [0.05, 0.3, 0.8, 1.0] {
