@@ -61,6 +61,18 @@ impl Element {
     }
 }
 
+/// Blade loads and the moments in r, of orders 0, 1, 2, of the slopes of f_T
+/// and f_P.
+#[derive(Debug, Clone, Copy, Default)]
+struct PartialSums {
+    /// ∫f_T, ∫f_P, ∫r f_T, ∫r f_P.
+    sum: [f64; 4],
+    by_t: [[f64; 3]; 2],
+    by_p: [[f64; 3]; 2],
+    by_r: [[f64; 3]; 2],
+    by_pitch: [[f64; 2]; 2],
+}
+
 /// Linear lift and constant drag for flow along the chord (Eqs. 35).
 #[derive(Debug, Clone, Copy)]
 struct SmallAngles {
@@ -672,67 +684,15 @@ impl Rotor {
             let loads = self.small_angle_loads(section, &local);
             return (loads.map(|load| load.v), loads.map(|load| load.d));
         }
-        let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
-        let inverse_sound = 1.0 / self.sound_speed;
-        let mut sum = [0.0; 4];
-        // Moments in r of orders 0, 1, 2 of the partials of f_T, f_P.
-        let mut by_t = [[0.0; 3]; 2];
-        let mut by_p = [[0.0; 3]; 2];
-        let mut by_r = [[0.0; 3]; 2];
-        let mut by_pitch = [[0.0; 2]; 2];
-        for element in &self.elements {
-            let r = element.radius;
-            let (ut, up, ur) = (t0 + t1 * r, p0 + p1 * r, r0 + r1 * r);
-            let u2 = ut * ut + up * up;
-            let u = u2.sqrt();
-            let total = (u2 + ur * ur).sqrt();
-            let mach = total * inverse_sound;
-            let alpha = pitch + element.twist + arc_tangent(up, ut);
-            let section = self.section.coefficients(alpha, mach);
-            let lifting = element.lifting;
-            let (lift, drag) = (section.lift * lifting, section.drag);
-            let (lift_a, drag_a) = (section.lift_alpha * lifting, section.drag_alpha);
-            let (lift_m, drag_m) = (section.lift_mach * lifting, section.drag_mach);
-            let k = element.half_density_area * u;
-            let (g_t, g_p) = (lift * up - drag * ut, -(lift * ut + drag * up));
-            let (f_t, f_p) = (k * g_t, k * g_p);
-            sum[0] += f_t;
-            sum[1] += f_p;
-            sum[2] += r * f_t;
-            sum[3] += r * f_p;
-            let inverse_u2 = if u2 > 0.0 { 1.0 / u2 } else { 0.0 };
-            let inverse_total = if total > 0.0 { inverse_sound / total } else { 0.0 };
-            // Slopes of f with angle of attack and Mach.
-            let (t_a, p_a) = (k * (lift_a * up - drag_a * ut), -k * (lift_a * ut + drag_a * up));
-            let (t_m, p_m) = (k * (lift_m * up - drag_m * ut), -k * (lift_m * ut + drag_m * up));
-            let (a_t, a_p) = (-up * inverse_u2, ut * inverse_u2);
-            let (m_t, m_p, m_r) = (ut * inverse_total, up * inverse_total, ur * inverse_total);
-            let (s_t, s_p) = (ut * inverse_u2, up * inverse_u2);
-            let partial = [
-                [
-                    f_t * s_t - k * drag + t_a * a_t + t_m * m_t,
-                    f_t * s_p + k * lift + t_a * a_p + t_m * m_p,
-                    t_m * m_r,
-                    t_a,
-                ],
-                [
-                    f_p * s_t - k * lift + p_a * a_t + p_m * m_t,
-                    f_p * s_p - k * drag + p_a * a_p + p_m * m_p,
-                    p_m * m_r,
-                    p_a,
-                ],
-            ];
-            let powers = [1.0, r, r * r];
-            for load in 0..2 {
-                for order in 0..3 {
-                    by_t[load][order] += partial[load][0] * powers[order];
-                    by_p[load][order] += partial[load][1] * powers[order];
-                    by_r[load][order] += partial[load][2] * powers[order];
-                }
-                by_pitch[load][0] += partial[load][3];
-                by_pitch[load][1] += partial[load][3] * r;
-            }
+        let mut sums = PartialSums::default();
+        let (blocks, rest) = self.elements.as_chunks::<LANES>();
+        for block in blocks {
+            self.add_partials(block, flow, &mut sums);
         }
+        for element in rest {
+            self.add_partials(std::array::from_ref(element), flow, &mut sums);
+        }
+        let PartialSums { sum, by_t, by_p, by_r, by_pitch } = sums;
         let mut partials = [[0.0; 7]; 4];
         for load in 0..2 {
             for order in 0..2 {
@@ -748,6 +708,88 @@ impl Rotor {
             }
         }
         (sum, partials)
+    }
+
+    /// Loads of elements side by side and their slopes, added one element after
+    /// the other: the bits do not depend on how many are taken at a time.
+    #[inline(always)]
+    fn add_partials<const L: usize>(
+        &self,
+        elements: &[Element; L],
+        flow: &[f64; 7],
+        sums: &mut PartialSums,
+    ) {
+        let [t0, t1, p0, p1, r0, r1, pitch] = *flow;
+        let inverse_sound = 1.0 / self.sound_speed;
+        let [mut ut, mut up, mut ur, mut u2, mut total] = [[0.0; L]; 5];
+        for k in 0..L {
+            let r = elements[k].radius;
+            (ut[k], up[k], ur[k]) = (t0 + t1 * r, p0 + p1 * r, r0 + r1 * r);
+            u2[k] = ut[k] * ut[k] + up[k] * up[k];
+            total[k] = (u2[k] + ur[k] * ur[k]).sqrt();
+        }
+        let angle = arc_tangents(&up, &ut);
+        // Lift and drag, and their slopes with angle of attack and Mach.
+        let mut section = [[0.0; L]; 6];
+        for k in 0..L {
+            let alpha = pitch + elements[k].twist + angle[k];
+            let s = self.section.coefficients(alpha, total[k] * inverse_sound);
+            let lifting = elements[k].lifting;
+            let row = [
+                s.lift * lifting,
+                s.drag,
+                s.lift_alpha * lifting,
+                s.drag_alpha,
+                s.lift_mach * lifting,
+                s.drag_mach,
+            ];
+            for (all, value) in section.iter_mut().zip(row) {
+                all[k] = value;
+            }
+        }
+        let [lift, drag, lift_a, drag_a, lift_m, drag_m] = section;
+        let mut force = [[0.0; L]; 2];
+        // By u_T, u_P, u_R, pitch.
+        let mut partial = [[[0.0; L]; 4]; 2];
+        for k in 0..L {
+            let (ut, up, ur, u2, total) = (ut[k], up[k], ur[k], u2[k], total[k]);
+            let (lift, drag) = (lift[k], drag[k]);
+            let q = elements[k].half_density_area * u2.sqrt();
+            let (f_t, f_p) = (q * (lift * up - drag * ut), q * -(lift * ut + drag * up));
+            (force[0][k], force[1][k]) = (f_t, f_p);
+            let inverse_u2 = if u2 > 0.0 { 1.0 / u2 } else { 0.0 };
+            let inverse_total = if total > 0.0 { inverse_sound / total } else { 0.0 };
+            // Slopes of f with angle of attack and Mach.
+            let t_a = q * (lift_a[k] * up - drag_a[k] * ut);
+            let p_a = -q * (lift_a[k] * ut + drag_a[k] * up);
+            let t_m = q * (lift_m[k] * up - drag_m[k] * ut);
+            let p_m = -q * (lift_m[k] * ut + drag_m[k] * up);
+            let (a_t, a_p) = (-up * inverse_u2, ut * inverse_u2);
+            let (m_t, m_p, m_r) = (ut * inverse_total, up * inverse_total, ur * inverse_total);
+            let (s_t, s_p) = (ut * inverse_u2, up * inverse_u2);
+            partial[0][0][k] = f_t * s_t - q * drag + t_a * a_t + t_m * m_t;
+            partial[0][1][k] = f_t * s_p + q * lift + t_a * a_p + t_m * m_p;
+            partial[0][2][k] = t_m * m_r;
+            partial[0][3][k] = t_a;
+            partial[1][0][k] = f_p * s_t - q * lift + p_a * a_t + p_m * m_t;
+            partial[1][1][k] = f_p * s_p - q * drag + p_a * a_p + p_m * m_p;
+            partial[1][2][k] = p_m * m_r;
+            partial[1][3][k] = p_a;
+        }
+        for k in 0..L {
+            let r = elements[k].radius;
+            for load in 0..2 {
+                sums.sum[load] += force[load][k];
+                sums.sum[2 + load] += r * force[load][k];
+                for (order, power) in [1.0, r, r * r].into_iter().enumerate() {
+                    sums.by_t[load][order] += partial[load][0][k] * power;
+                    sums.by_p[load][order] += partial[load][1][k] * power;
+                    sums.by_r[load][order] += partial[load][2][k] * power;
+                }
+                sums.by_pitch[load][0] += partial[load][3][k];
+                sums.by_pitch[load][1] += partial[load][3][k] * r;
+            }
+        }
     }
 
     /// Power that the air takes from all blades, section by section.
