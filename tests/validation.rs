@@ -155,10 +155,11 @@ fn val_hypotheses_on_rate_derivatives() {
     }
     let unlike = |trial| rates.value(trial, "u", "q") + rates.value(trial, "v", "p");
     assert!(unlike("changed-sign").abs() < 0.01 && unlike(BASE) > 0.3);
-    // With it all four that the pair's own damping sets are near print.
+    // With it all four that the pair's own damping sets are near print: the
+    // farthest is Y_p, 10 % off.
     for (row, column) in [("u", "q"), ("v", "p"), ("p", "p"), ("q", "q")] {
         let (miss, print) = (rates.miss(BASE, row, column), rates.print(row, column).abs());
-        assert!(miss < 0.13 * print, "({row}, {column}): {miss} of {print}");
+        assert!(miss < 0.12 * print, "({row}, {column}): {miss} of {print}");
     }
     // The flow through the disk overshoots them.
     for (row, column) in [("u", "q"), ("v", "p"), ("p", "p"), ("q", "q")] {

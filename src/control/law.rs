@@ -277,19 +277,12 @@ pub struct Demand {
 
 /// A measurement, a demand or a stick that is not a finite number. The law
 /// keeps its memory and its sticks as they were.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("{input} is not finite: the law keeps its memory and its sticks")]
 pub struct NotFinite {
     /// What is not.
     pub input: &'static str,
 }
-
-impl std::fmt::Display for NotFinite {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} is not finite: the law keeps its memory and its sticks", self.input)
-    }
-}
-
-impl std::error::Error for NotFinite {}
 
 impl Measurement {
     fn checked(&self) -> Result<(), NotFinite> {

@@ -239,7 +239,7 @@ pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
     let step = input.options.step;
     let mut sequence = COLUMNS.join(",") + "\n";
     let rows = steps(input.law, input.schedule.stick_limits, step)
-        .map_err(|error| ExportError::Option(error.to_string()))?;
+        .map_err(|error| ExportError::Format { format: "vectors", reason: error.to_string() })?;
     for row in rows {
         line(&mut sequence, &row.numbers());
     }

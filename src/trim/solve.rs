@@ -389,6 +389,16 @@ pub fn trim(
         let solution = least_squares::solve_with(shooting, &x, jacobian, &solver, None);
         solution.map_err(|error| (x, error))
     };
+    let refined = |steps: usize, error: f64, finer: usize| {
+        tracing::debug!(
+            rotorcraft = vehicle.name,
+            airspeed_m_s = condition.airspeed,
+            steps,
+            error,
+            finer,
+            "trim: the step is refined"
+        );
+    };
     if steps > COARSE_STEPS {
         let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
         let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
@@ -417,6 +427,7 @@ pub fn trim(
             && let finer = finer_steps(steps, error, options)
             && finer <= options.most_steps
         {
+            refined(steps, error, finer);
             start = shooting.unpack(&corrected);
             coarser = Some((steps, corrected));
             steps = finer;
@@ -447,14 +458,7 @@ pub fn trim(
         let fine = error <= options.step_tolerance;
         let finer = finer_steps(steps, error, options);
         if converged && !fine && finer <= options.most_steps {
-            tracing::debug!(
-                rotorcraft = vehicle.name,
-                airspeed_m_s = condition.airspeed,
-                steps,
-                error,
-                finer,
-                "trim: the step is refined"
-            );
+            refined(steps, error, finer);
             steps = finer;
             let corrected = shift.map_or_else(|| solution.x.clone(), |shift| &solution.x + shift);
             start = shooting.unpack(&corrected);
@@ -534,10 +538,10 @@ fn foreseen(
     if jacobian.is_none() {
         *jacobian = Some(shooting.jacobian(&x).ok()?);
     }
-    let factors = jacobian.clone()?.lu();
-    let error = relative_size(&factors.solve(&-&change)?, &x);
-    let corrected = &x + factors.solve(&-(residuals + change))?;
-    (error.is_finite() && corrected.iter().all(|v| v.is_finite())).then_some((error, corrected))
+    let jacobian = jacobian.as_ref()?;
+    let error = relative_size(&newton(jacobian, &change)?, &x);
+    let corrected = &x + newton(jacobian, &(residuals + change))?;
+    Some((error, corrected))
 }
 
 /// The Jacobian of a solve that is good enough for a similar system.
@@ -589,11 +593,15 @@ fn newton_step(
     solution: &least_squares::Solution,
     change: &DVector<f64>,
 ) -> Option<DVector<f64>> {
-    let jacobian = match &solution.jacobian {
-        Some(jacobian) => jacobian.clone(),
-        None => shooting.jacobian(&solution.x).ok()?,
-    };
-    let shift = jacobian.lu().solve(&-change)?;
+    match &solution.jacobian {
+        Some(jacobian) => newton(jacobian, change),
+        None => newton(&shooting.jacobian(&solution.x).ok()?, change),
+    }
+}
+
+/// The same with a Jacobian; `None` where that is singular.
+fn newton(jacobian: &DMatrix<f64>, change: &DVector<f64>) -> Option<DVector<f64>> {
+    let shift = jacobian.clone().lu().solve(&-change)?;
     shift.iter().all(|value| value.is_finite()).then_some(shift)
 }
 

@@ -135,9 +135,9 @@ impl Figure {
     fn printed(self, condition: Condition) -> Result<f64, LinearError> {
         let hover = |k: usize| (condition == Condition::Hover).then_some(()).and(HOVER_ON.get(k));
         Ok(match self {
-            Figure::Entry(..) | Figure::HalfSum(_) | Figure::HalfDifference(_) => {
-                self.of_matrices(&appendix(condition)?)?
-            }
+            Figure::Entry(row, column) => entry(&appendix(condition)?, row, column)?,
+            Figure::HalfSum(pair) => half(&appendix(condition)?, pair, 1.0)?,
+            Figure::HalfDifference(pair) => half(&appendix(condition)?, pair, -1.0)?,
             Figure::Thrust(k) => hover(k).map_or(f64::NAN, |r| r.thrust / POUND_FORCE),
             Figure::Power(k) => hover(k).map_or(f64::NAN, |r| r.power / HORSEPOWER),
             Figure::Inflow(k) => hover(k).map_or(f64::NAN, |r| r.inflow),
@@ -150,24 +150,13 @@ impl Figure {
         })
     }
 
-    /// A figure of the matrices alone; NaN for those that are not.
-    fn of_matrices(self, model: &StateSpace) -> Result<f64, LinearError> {
-        let at = |(row, column)| entry(model, row, column);
-        Ok(match self {
-            Figure::Entry(row, column) => at((row, column))?,
-            Figure::HalfSum([a, b]) => 0.5 * (at(a)? + at(b)?),
-            Figure::HalfDifference([a, b]) => 0.5 * (at(a)? - at(b)?),
-            _ => f64::NAN,
-        })
-    }
-
     /// Ours.
     fn ours(self, point: &TrimPoint, model: &StateSpace) -> Result<f64, LinearError> {
         let rotor = |k: usize| point.rotors.get(k);
         Ok(match self {
-            Figure::Entry(..) | Figure::HalfSum(_) | Figure::HalfDifference(_) => {
-                self.of_matrices(model)?
-            }
+            Figure::Entry(row, column) => entry(model, row, column)?,
+            Figure::HalfSum(pair) => half(model, pair, 1.0)?,
+            Figure::HalfDifference(pair) => half(model, pair, -1.0)?,
             Figure::Thrust(k) => rotor(k).map_or(f64::NAN, |r| r.thrust / POUND_FORCE),
             Figure::Power(k) => rotor(k).map_or(f64::NAN, |r| r.power / HORSEPOWER),
             Figure::Inflow(k) => rotor(k).map_or(f64::NAN, |r| r.inflow[0]),
@@ -184,6 +173,15 @@ fn entry(model: &StateSpace, row: &str, column: &str) -> Result<f64, LinearError
         Ok(j) => matrices.a[(i, j)],
         Err(_) => matrices.b[(i, model.input(column)?)],
     })
+}
+
+/// Half of the first entry and, with its sign, of the second.
+fn half(
+    model: &StateSpace,
+    [first, second]: [(&str, &str); 2],
+    sign: f64,
+) -> Result<f64, LinearError> {
+    Ok(0.5 * (entry(model, first.0, first.1)? + sign * entry(model, second.0, second.1)?))
 }
 
 /// Hypotheses about the same misfits, and the figures to watch.
