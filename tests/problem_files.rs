@@ -91,7 +91,8 @@ fn overrides_change_what_they_name_and_nothing_else() {
     let mut appendix = load("problems/coax2d-appendix.toml").problem;
     assert_eq!(appendix.rotors[0].hub.fuselage_station, 0.0);
     assert!(appendix.rotors.iter().all(|rotor| !rotor.teeter_torque_tilt));
-    assert_eq!(appendix.inflow.interference_rule, problem::InterferenceRule::Coarse { radii: 24 });
+    let rule = problem::InterferenceRule::Trapezoid { radii: 11, skews: 10 };
+    assert_eq!(appendix.inflow.interference_rule, rule);
     appendix.name = base.name.clone();
     appendix.description = base.description.clone();
     appendix.inflow = base.inflow;
@@ -114,6 +115,7 @@ fn overrides_change_what_they_name_and_nothing_else() {
         assert_eq!(rotor.hub.water_line, original.hub.water_line);
         rotor.hub = original.hub;
         rotor.teeter_torque_tilt = original.teeter_torque_tilt;
+        rotor.teeter_equation = original.teeter_equation;
         rotor.root_cutout = original.root_cutout;
     }
     assert_eq!(format!("{appendix:?}"), format!("{base:?}"));

@@ -6,7 +6,7 @@ mod common;
 use coaxdesign::numerics::scalar::Vec3;
 use coaxdesign::problem::{
     self, AtmosphereConditions, Fuselage as FuselageProblem, FuselageAerodynamics, HubKind,
-    Spanwise, Station, Wash, WingModel,
+    Spanwise, Station, TeeterEquation, Wash, WingModel,
 };
 use coaxdesign::vehicle::atmosphere::Air;
 use coaxdesign::vehicle::fuselage::Fuselage;
@@ -311,6 +311,37 @@ fn val_teeter_equation_of_the_paper_in_vacuum() {
         assert!((by_acceleration(1) - c).abs() < 1e-12);
         assert!(by_acceleration(2).abs() < 1e-12);
     }
+}
+
+/// The equation for small angles is the exact one without the airframe's yaw
+/// rate r in the restoring moment: they part by 2 Ω r β, and by the thin line
+/// of the test above.
+#[test]
+fn small_angle_teeter_equation_forgets_the_yaw_rate() {
+    let mut description = problem("coax2d").rotors[1].clone();
+    (description.cant, description.tilt) = (0.0, 0.0);
+    let exact = built(&description);
+    description.teeter_equation = TeeterEquation::SmallAngles;
+    let small = built(&description);
+    let omega = exact.speed;
+    let beta = 1e-3;
+    for azimuth in [0.3, 1.9, 4.0] {
+        let apart = |yaw: f64| {
+            let change = |input: &mut RotorInput<f64>| {
+                input.flapping = held(azimuth, beta);
+                input.rate_hub.0[2] = yaw;
+            };
+            teeter_acceleration(&exact, azimuth, change)
+                - teeter_acceleration(&small, azimuth, change)
+        };
+        let by_yaw = (apart(0.5) - apart(-0.5)) / 1.0;
+        close(by_yaw, 2.0 * omega * beta, 1e-3, "yaw rate");
+        assert!(apart(0.0).abs() < 1e-3 * omega * omega * beta, "{}", apart(0.0));
+    }
+    // All else is the same, loads on the hub among it.
+    let still = |rotor: &Rotor| loads(rotor, &at_rest(), 0.7);
+    assert_eq!(still(&exact).force_hub.0, still(&small).force_hub.0);
+    assert_eq!(still(&exact).moment_hub.0, still(&small).moment_hub.0);
 }
 
 /// A teetering rotor in vacuum on a fixed hub flaps once a turn exactly: its

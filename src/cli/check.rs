@@ -340,12 +340,15 @@ fn inflow(problem: &Problem) -> Section {
     };
     row("total_inflow", "total inflow", one, text(total));
     row("lowpass_bandwidth", "bandwidth of the low-pass", Kind::Frequency, bandwidth);
-    let (rule, radii) = match options.interference_rule {
-        InterferenceRule::Converged => ("converged", None),
-        InterferenceRule::Coarse { radii } => ("coarse", number(radii as f64)),
+    let (rule, radii, skews) = match options.interference_rule {
+        InterferenceRule::Converged => ("converged", None, None),
+        InterferenceRule::Coarse { radii } => ("coarse", Some(radii), None),
+        InterferenceRule::Trapezoid { radii, skews } => ("trapezoid", Some(radii), Some(skews)),
     };
+    let count = |count: Option<usize>| count.and_then(|count| number(count as f64));
     row("interference_rule", "interference rule", one, text(rule));
-    row("interference_radii", "radii of the coarse rule", one, radii);
+    row("interference_radii", "radii of the rule", one, count(radii));
+    row("interference_skews", "skew angles of the rule", one, count(skews));
     section
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::trim::{FlightArgs, failures};
 use super::{CliError, output};
 use crate::linear::frequency::{ErrorOptions, ResponseError, log_grid, response_error};
-use crate::linear::harmonic::{Harmonics, decompose, mean_channels};
+use crate::linear::harmonic;
 use crate::linear::reduction::{
     BalancedOptions, Method, RIGID_BODY, Reduction, balanced, outputs_as_states, residualise,
     truncate,
@@ -125,22 +125,12 @@ impl Choice {
     /// names.
     ///
     /// # Errors
-    /// As [`decompose`].
+    /// As [`harmonic::mean_and_harmonics`].
     pub fn of(self, periodic: &PeriodicModel) -> Result<StateSpace, LinearError> {
         let Choice::Harmonic(n) = self else {
             return Ok(periodic.averaged());
         };
-        let model = mean_channels(&decompose(periodic, &Harmonics::states_up_to(n))?)?;
-        let plain = |c: &Channel| Channel::new(c.name.trim_end_matches(".0"), c.kind);
-        StateSpace::new(
-            model.states().iter().map(plain).collect(),
-            model.inputs().to_vec(),
-            model.outputs().to_vec(),
-            model.a().clone(),
-            model.b().clone(),
-            model.c().clone(),
-            model.d().clone(),
-        )
+        harmonic::mean_and_harmonics(periodic, n)
     }
 }
 

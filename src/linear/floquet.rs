@@ -13,7 +13,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use super::LinearError;
 use super::dense::{balance, eigen, eigenvalues, ensure_finite, spectral_order};
 use super::frequency::{ErrorOptions, ResponseError, response_error};
-use super::harmonic::{Harmonics, decompose, mean_channels};
+use super::harmonic::mean_and_harmonics;
 use super::model::{FourierMatrix, PeriodicModel};
 
 type C64 = Complex<f64>;
@@ -393,7 +393,7 @@ pub fn averaging_error(
     let mut harmonic = Vec::with_capacity(harmonics + 1);
     let mut finest = averaged.clone();
     for n in 0..=harmonics {
-        finest = mean_channels(&decompose(model, &Harmonics::states_up_to(n))?)?;
+        finest = mean_and_harmonics(model, n)?;
         let pairs = pair_exponents(floquet, &eigenvalues(finest.a())?);
         let worst = pairs
             .iter()

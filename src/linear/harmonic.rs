@@ -155,7 +155,8 @@ fn product_operator(m: &FourierMatrix, to: &[usize], from: &[usize]) -> DMatrix<
 }
 
 /// The part of a harmonic model that a pilot sees: average inputs to average
-/// outputs, named as in the periodic model.
+/// outputs. They and the means of the states are named as in the periodic
+/// model.
 pub fn mean_channels(harmonic: &StateSpace) -> Result<StateSpace, LinearError> {
     let mean = |channels: &[Channel]| -> Vec<String> {
         channels.iter().filter(|c| c.name.ends_with(".0")).map(|c| c.name.clone()).collect()
@@ -170,7 +171,7 @@ pub fn mean_channels(harmonic: &StateSpace) -> Result<StateSpace, LinearError> {
             .collect()
     };
     StateSpace::new(
-        cut.states().to_vec(),
+        plain(cut.states()),
         plain(cut.inputs()),
         plain(cut.outputs()),
         cut.a().clone(),
@@ -178,6 +179,15 @@ pub fn mean_channels(harmonic: &StateSpace) -> Result<StateSpace, LinearError> {
         cut.c().clone(),
         cut.d().clone(),
     )
+}
+
+/// The model of the mean and `n` harmonics of the states, from the mean of the
+/// inputs to that of the outputs.
+///
+/// # Errors
+/// As [`decompose`].
+pub fn mean_and_harmonics(model: &PeriodicModel, n: usize) -> Result<StateSpace, LinearError> {
+    mean_channels(&decompose(model, &Harmonics::states_up_to(n))?)
 }
 
 #[cfg(test)]

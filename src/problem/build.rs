@@ -296,6 +296,10 @@ fn rotor(
         blade_second_moment: table.number("blade_second_moment")?,
         hub_kind,
         teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
+        teeter_equation: match table.choice("teeter_equation")? {
+            "small_angles" => TeeterEquation::SmallAngles,
+            _ => TeeterEquation::Exact,
+        },
         swashplate_phase: table.number("swashplate_phase")?,
         speed: table.number("speed")?,
         azimuth_offset: table.number("azimuth_offset")?,
@@ -341,7 +345,9 @@ fn rotor_warnings(
         }
     }
     if table.choice("hub") == Some("rigid") {
-        for key in ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt"] {
+        for key in
+            ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt", "teeter_equation"]
+        {
             if table.given(key) {
                 warn(
                     key,
@@ -437,6 +443,7 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
     let bandwidth = table.number("lowpass_bandwidth");
     let radii = table.count("interference_radii");
+    let skews = table.count("interference_skews");
     Some(InflowOptions {
         interactions: table.flag("interactions")?,
         harmonics_through_flow: table.choice("harmonic_mass_flow")? == "through",
@@ -450,6 +457,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
         },
         interference_rule: match table.choice("interference_rule")? {
             "coarse" => InterferenceRule::Coarse { radii: radii? },
+            "trapezoid" => InterferenceRule::Trapezoid { radii: radii?, skews: skews? },
             _ => InterferenceRule::Converged,
         },
         mirrored_interference: table.flag("mirrored_interference")?,

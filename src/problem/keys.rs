@@ -449,6 +449,19 @@ static ROTOR: Table = Table {
              the shaft, as in the published matrices. Teetering hubs only.",
         ),
         default(
+            "teeter_equation",
+            Value::Choice(&[
+                ("exact", "Euler's law for the blades as a rigid body"),
+                (
+                    "small_angles",
+                    "the published equation for small angles, in which the restoring moment does \
+                     not know of the airframe's yaw rate, as in the published matrices",
+                ),
+            ]),
+            "\"exact\"",
+            "Equation of the teeter motion. Teetering hubs only.",
+        ),
+        default(
             "swashplate_phase",
             Value::Quantity(Kind::Angle, TURN),
             "\"0 deg\"",
@@ -630,6 +643,11 @@ static INFLOW: Table = Table {
                     "a coarse rule that leaves out the rim of the disk and comes closer to the \
                      published numbers",
                 ),
+                (
+                    "trapezoid",
+                    "the trapezoid rule over circles from the shaft to the rim, tabulated over \
+                     the skew of the wake, which comes closest to the published numbers",
+                ),
             ]),
             "\"converged\"",
             "Quadrature of the interference coefficients.",
@@ -638,8 +656,15 @@ static INFLOW: Table = Table {
             "interference_radii",
             Value::Count(4, 1000),
             "30",
-            "Radii of the coarse rule over the disk: midpoints, joined by the trapezoid rule. Used \
-             with `interference_rule = \"coarse\"`.",
+            "Radii over the disk. Of the coarse rule: midpoints, joined by the trapezoid rule; of \
+             the trapezoid rule: from the shaft to the rim. Not used by the converged rule.",
+        ),
+        default(
+            "interference_skews",
+            Value::Count(3, 1000),
+            "10",
+            "Skew angles, evenly from 0 to 90 deg, between which the trapezoid rule is \
+             interpolated. Used with `interference_rule = \"trapezoid\"`.",
         ),
         default(
             "mirrored_interference",

@@ -246,6 +246,8 @@ pub struct Rotor {
     /// Whether in-plane moments tilt with the teetering frame (exact) or act
     /// about the shaft (the published matrices).
     pub teeter_torque_tilt: bool,
+    /// Equation of the teeter motion.
+    pub teeter_equation: TeeterEquation,
     /// Swashplate phase Δ_sp, rad.
     pub swashplate_phase: f64,
     /// Speed of rotation Ω, rad/s, positive.
@@ -254,6 +256,16 @@ pub struct Rotor {
     pub azimuth_offset: f64,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
+}
+
+/// Equation of the teeter motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TeeterEquation {
+    /// Euler's law for both blades as one rigid body.
+    Exact,
+    /// Eq. 54: small angles, and the shaft's speed alone in the restoring
+    /// moment, without the yaw rate of the airframe.
+    SmallAngles,
 }
 
 /// First-order rotor-speed governor: Ω' = (Ω_cmd − Ω)/τ.
@@ -348,6 +360,14 @@ pub enum InterferenceRule {
     Coarse {
         /// How many.
         radii: usize,
+    },
+    /// The trapezoid rule over circles from the shaft to the rim, tabulated
+    /// over the skew of the wake: comes closest to the published numbers.
+    Trapezoid {
+        /// How many circles, the shaft and the rim among them.
+        radii: usize,
+        /// How many skew angles, evenly from 0 to 90°.
+        skews: usize,
     },
 }
 

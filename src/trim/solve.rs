@@ -209,16 +209,17 @@ pub struct PowerBalance {
     pub parasite: f64,
     /// Weight times rate of climb.
     pub climb: f64,
-    /// In-plane moments left without tilt, which no blade delivers: zero but
-    /// for `teeter_torque_tilt = false`.
-    pub untilted: f64,
+    /// What a switch that leaves exact mechanics takes and no blade delivers:
+    /// zero but for `teeter_torque_tilt = false` and `teeter_equation =
+    /// "small_angles"`.
+    pub inexact: f64,
 }
 
 impl PowerBalance {
     /// Shaft power that the parts do not account for, over the shaft power.
     #[must_use]
     pub fn imbalance(&self) -> f64 {
-        let parts = self.profile + self.induced + self.parasite + self.climb + self.untilted;
+        let parts = self.profile + self.induced + self.parasite + self.climb + self.inexact;
         (self.shaft - parts) / self.shaft
     }
 }
@@ -735,7 +736,7 @@ fn report(
             power.shaft += weight * now.power;
             power.profile += weight * now.profile_power;
             power.induced += weight * now.induced_power;
-            power.untilted += weight * now.untilted_power;
+            power.inexact += weight * now.inexact_power;
         }
         power.parasite += weight * output.parasite_power;
         power.climb += weight * output.climb_power;

@@ -11,6 +11,7 @@
 use super::entries::{Entries, judged_entries};
 use super::level::LevelFlight;
 use super::{ValidationError, entries};
+use crate::linear::harmonic::mean_and_harmonics;
 use crate::linear::reduction::{RIGID_BODY, residualise};
 use crate::linear::reference::{Condition, appendix};
 use crate::linear::{LinearError, StateSpace};
@@ -29,6 +30,9 @@ pub const BASE: &str = "coax2d-appendix";
 pub const BOTH_ENDS: &str = "both-ends";
 /// Azimuths of a revolution in that hypothesis.
 const AZIMUTHS: f64 = 37.0;
+/// Name of the hypothesis that the printed reduction took out the part of the
+/// states that goes twice a revolution as well, where the mean leaves it out.
+pub const HARMONICS: &str = "harmonics";
 
 /// A hypothesis as a problem file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,8 +55,12 @@ macro_rules! hypotheses {
 /// Every hypothesis that a problem file can express.
 pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "changed-sign",
+    "circles-21",
+    "circles-9",
     "converged-rule",
+    "exact-teeter",
     "linear-section",
+    "midpoints",
     "no-blade-drag",
     "no-i-xz",
     "no-root-cutout",
@@ -62,8 +70,8 @@ pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "printed-fin",
     "printed-hubs",
     "printed-inertia",
+    "skews-19",
     "small-angles",
-    "thirty-radii",
     "through-flow",
     "through-flow-changed-sign",
     "torque-tilt",
@@ -217,7 +225,9 @@ pub const STUDIES: [Study; 6] = {
                 Entry("q", "col"),
             ],
             hypotheses: &[
-                "thirty-radii",
+                "circles-9",
+                "circles-21",
+                "midpoints",
                 "converged-rule",
                 "total-mass-flow",
                 "no-root-cutout",
@@ -241,14 +251,20 @@ pub const STUDIES: [Study; 6] = {
             ],
             hypotheses: &[
                 "changed-sign",
+                "circles-9",
+                "circles-21",
+                "skews-19",
+                "midpoints",
+                "converged-rule",
+                HARMONICS,
+                BOTH_ENDS,
                 "through-flow",
                 "through-flow-changed-sign",
-                BOTH_ENDS,
                 "no-root-cutout",
                 "linear-section",
                 "small-angles",
                 "torque-tilt",
-                "converged-rule",
+                "exact-teeter",
                 "total-mass-flow",
                 "no-i-xz",
             ],
@@ -265,7 +281,15 @@ pub const STUDIES: [Study; 6] = {
                 HalfDifference([("u", "v"), ("v", "u")]),
                 HalfSum([("u", "v"), ("v", "u")]),
             ],
-            hypotheses: &["changed-sign", "converged-rule", BOTH_ENDS, "no-root-cutout"],
+            hypotheses: &[
+                "changed-sign",
+                "circles-21",
+                "skews-19",
+                "midpoints",
+                "converged-rule",
+                HARMONICS,
+                BOTH_ENDS,
+            ],
         },
         Study {
             name: "speed",
@@ -284,7 +308,10 @@ pub const STUDIES: [Study; 6] = {
                 "small-angles",
                 "no-root-cutout",
                 "changed-sign",
+                "skews-19",
+                "midpoints",
                 "converged-rule",
+                HARMONICS,
                 "total-mass-flow",
                 "torque-tilt",
                 "printed-hubs",
@@ -294,6 +321,9 @@ pub const STUDIES: [Study; 6] = {
             name: "yaw",
             condition: Condition::Hover,
             figures: &[
+                Entry("u", "r"),
+                Entry("v", "r"),
+                Entry("p", "r"),
                 Entry("r", "r"),
                 Entry("r", "p"),
                 Entry("r", "q"),
@@ -303,6 +333,7 @@ pub const STUDIES: [Study; 6] = {
                 Entry("q", "lat"),
             ],
             hypotheses: &[
+                "exact-teeter",
                 "printed-inertia",
                 "no-i-xz",
                 "torque-tilt",
@@ -400,6 +431,10 @@ impl Study {
                 "A mean over 37 azimuths from 0 to 360 deg, both ends among them.".into(),
                 with_both_ends(&flight)?,
             ),
+            None if name == HARMONICS => (
+                "States that go twice a revolution are residualised too, not left out.".into(),
+                with_harmonics(&flight)?,
+            ),
             None => ("Nothing.".into(), flight.reduced),
         };
         let values = self
@@ -430,6 +465,11 @@ fn with_both_ends(flight: &LevelFlight) -> Result<StateSpace, LinearError> {
     Ok(residualise(&model, &RIGID_BODY)?.model)
 }
 
+/// The residualised model of the mean and the first harmonic of the period.
+fn with_harmonics(flight: &LevelFlight) -> Result<StateSpace, LinearError> {
+    Ok(residualise(&mean_and_harmonics(&flight.periodic, 1)?, &RIGID_BODY)?.model)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -452,7 +492,10 @@ mod tests {
             assert!(tried.contains(&hypothesis.name), "{} is not tried", hypothesis.name);
         }
         for name in tried {
-            assert!(name == BOTH_ENDS || Hypothesis::named(name).is_some(), "{name}");
+            assert!(
+                [BOTH_ENDS, HARMONICS].contains(&name) || Hypothesis::named(name).is_some(),
+                "{name}"
+            );
         }
     }
 

@@ -59,6 +59,12 @@
 //! gain matrix of Pitt and Peters.) So four numbers, from one skew, serve
 //! all. The part of the infinite cylinder is tabulated over |**X**|.
 //!
+//! [`InterferenceRule::Trapezoid`] takes circles from the shaft to the rim and
+//! puts a rim of the source's own size half inside the wake in hover. However
+//! small the skew, the half of that circle that lies upwind then leaves the
+//! wake: G12 and G21 would jump. A table of few skew angles makes a slope of
+//! the jump, that of its first step, and that slope is part of the rule.
+//!
 //! Other positions are tabulated over both components of **X**, with a core:
 //! ρ² grows by the square of the core radius, which rounds the rim, and the
 //! infinite cylinder's edge fades over one core radius outward. See
@@ -76,7 +82,7 @@ use num_complex::Complex64;
 use std::f64::consts::PI;
 use thiserror::Error;
 
-use crate::numerics::interpolation::{Bicubic, Ends, GridError, UniformTable};
+use crate::numerics::interpolation::{Bicubic, CubicHermite, Ends, GridError, UniformTable};
 use crate::numerics::quadrature::{gauss_legendre, periodic_nodes};
 use crate::problem::InterferenceRule;
 
@@ -293,6 +299,9 @@ impl Sheet {
     const CELLS: usize = 192;
 
     fn new(depth: f64, radius: f64, rule: InterferenceRule) -> Result<Self, GridError> {
+        if let InterferenceRule::Trapezoid { skews, .. } = rule {
+            return Self::through_skews(depth, radius, rule, skews);
+        }
         let at = |t: f64| -> Wind {
             let [g11, g12, g21, g22, g33] = sheet_integrals(t, depth, radius, rule);
             [g11, g12 / t, g21 / t, 0.5 * (g22 + g33), 0.5 * (g22 - g33) / t]
@@ -311,6 +320,40 @@ impl Sheet {
                 let tan_chi = v / ((1.0 - v) * depth);
                 at(tan_chi / (1.0 + tan_chi.hypot(1.0)))
             }
+        })?;
+        Ok(Self { depth, table })
+    }
+
+    /// Integrals at `skews` angles from 0 to 90°, joined by smooth curves. What
+    /// is divided by |X| keeps to hover the value of the first angle beyond it.
+    fn through_skews(
+        depth: f64,
+        radius: f64,
+        rule: InterferenceRule,
+        skews: usize,
+    ) -> Result<Self, GridError> {
+        let step = 0.5 * PI / (skews - 1) as f64;
+        let mut at: Vec<Wind> = (0..skews)
+            .map(|k| {
+                let t = (0.5 * k as f64 * step).tan();
+                let [g11, g12, g21, g22, g33] = sheet_integrals(t, depth, radius, rule);
+                [g11, g12 / t, g21 / t, 0.5 * (g22 + g33), 0.5 * (g22 - g33) / t]
+            })
+            .collect();
+        for ratio in [1, 2, 4] {
+            at[0][ratio] = at[1][ratio];
+        }
+        // Even in the angle, so that nothing has a slope in hover.
+        let last = skews as isize - 1;
+        let angles: Vec<f64> = (-last..=last).map(|k| k as f64 * step).collect();
+        let curve = |function: usize| {
+            let values: Vec<f64> = (-last..=last).map(|k| at[k.unsigned_abs()][function]).collect();
+            CubicHermite::new(&angles, &values, Ends::Parabolic)
+        };
+        let curves = (0..5).map(curve).collect::<Result<Vec<_>, _>>()?;
+        let table = UniformTable::fit(0.0, 1.0, Self::CELLS, |v| {
+            let angle = if v < 1.0 { (v / ((1.0 - v) * depth)).atan() } else { 0.5 * PI };
+            std::array::from_fn(|function| curves[function].evaluate(angle).0)
         })?;
         Ok(Self { depth, table })
     }
@@ -418,6 +461,15 @@ fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f
                     let end = k == 0 || k == radii - 1;
                     let weight = if end { 0.5 * step } else { step };
                     ((k as f64 + 0.5) * step, weight * COARSE_AZIMUTHS)
+                })
+                .collect()
+        }
+        InterferenceRule::Trapezoid { radii, .. } => {
+            let step = radius / (radii - 1) as f64;
+            (0..radii)
+                .map(|k| {
+                    let end = k == 0 || k == radii - 1;
+                    (k as f64 * step, if end { 0.5 * step } else { step })
                 })
                 .collect()
         }
@@ -751,23 +803,26 @@ fn sheet_flow(p: Complex64, sin_chi: f64, cos_chi: f64, inside: bool) -> [f64; 3
     [1.0 - ratio.re, -0.5 * (plus + minus).re, -0.5 * (plus - minus).im]
 }
 
-/// Disk integrals of the infinite cylinder's flow, `depth` below the source,
-/// at |X| = t: G11, G12, G21, G22, G33 in wind axes.
+/// Radii over the receiver's disk with weights dr, for the infinite cylinder
+/// that cuts its plane in the unit circle moved downstream by `shift`.
 ///
-/// The cylinder cuts the receiver's plane in the unit circle moved
-/// downstream by D = depth tan χ. Radius and azimuth are divided where the
-/// disk's circles enter and leave it. The coarse rule integrates over the
-/// annulus between its first and its last radius.
-fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> Wind {
-    let (sin_chi, cos_chi) = skew(t);
+/// Converged integrals divide the radius where the disk's circles enter and
+/// leave that circle. The coarse rule does too, over the annulus between its
+/// first and its last radius.
+fn sheet_radii(
+    shift: f64,
+    radius: f64,
+    rule: InterferenceRule,
+    unit: &[(f64, f64)],
+) -> Vec<(f64, f64)> {
     let (first, last) = match rule {
         InterferenceRule::Converged => (0.0, radius),
         InterferenceRule::Coarse { radii } => {
             let strip = 0.5 * radius / radii as f64;
             (strip, radius - strip)
         }
+        InterferenceRule::Trapezoid { .. } => return radial_rule(radius, rule, 0),
     };
-    let shift = if cos_chi > 0.0 { depth * sin_chi / cos_chi } else { f64::INFINITY };
     let mut edges = vec![first];
     for edge in [(1.0 - shift).abs(), 1.0 + shift] {
         if edge > first && edge < last {
@@ -775,37 +830,58 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
         }
     }
     edges.push(last);
-    let unit = gauss_legendre(0.0, 1.0, 20);
-    let mut sum = [0.0; 5];
+    let mut nodes = Vec::new();
     for piece in edges.windows(2) {
         let (low, high) = (piece[0], piece[1]);
         if high <= low {
             continue;
         }
-        for &(v, dv) in &unit {
+        for &(v, dv) in unit {
             // Square roots at both ends of the piece become smooth in v.
             let (sin, cos) = (PI * v).sin_cos();
-            let r = low + (high - low) * 0.5 * (1.0 - cos);
-            let dr = (high - low) * 0.5 * PI * sin * dv;
-            // Inside where cos ψ is above this.
-            let level = (r * r + shift * shift - 1.0) / (2.0 * r * shift);
-            let leave = if shift.is_infinite() { 0.0 } else { level.clamp(-1.0, 1.0).acos() };
-            for (from, to, inside) in [(0.0, leave, true), (leave, PI, false)] {
-                if to <= from {
-                    continue;
-                }
-                for &(w, dw) in &unit {
-                    let (sin, cos) = (from + (to - from) * w).sin_cos();
-                    let p = Complex64::new(cos_chi * r * cos - depth * sin_chi, r * sin);
-                    let flow = sheet_flow(p, sin_chi, cos_chi, inside);
-                    let weight = r * dr * (to - from) * dw;
-                    add_disk_moments(&mut sum, flow, r / radius, cos, sin, weight);
-                }
+            nodes
+                .push((low + (high - low) * 0.5 * (1.0 - cos), (high - low) * 0.5 * PI * sin * dv));
+        }
+    }
+    nodes
+}
+
+/// Disk integrals of the infinite cylinder's flow, `depth` below the source,
+/// at |X| = t: G11, G12, G21, G22, G33 in wind axes.
+///
+/// The cylinder cuts the receiver's plane in the unit circle moved
+/// downstream by D = depth tan χ. The azimuth is divided where the disk's
+/// circles enter and leave it.
+fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> Wind {
+    let (sin_chi, cos_chi) = skew(t);
+    let shift = if cos_chi > 0.0 { depth * sin_chi / cos_chi } else { f64::INFINITY };
+    let unit = gauss_legendre(0.0, 1.0, 20);
+    let mut sum = [0.0; 5];
+    for (r, dr) in sheet_radii(shift, radius, rule, &unit) {
+        // Inside where cos ψ is above this; of a circle on the very edge, half.
+        let level = (r * r + shift * shift - 1.0) / (2.0 * r * shift);
+        let leave = if shift.is_infinite() {
+            0.0
+        } else if level.is_nan() {
+            0.5 * PI
+        } else {
+            level.clamp(-1.0, 1.0).acos()
+        };
+        for (from, to, inside) in [(0.0, leave, true), (leave, PI, false)] {
+            if to <= from {
+                continue;
+            }
+            for &(w, dw) in &unit {
+                let (sin, cos) = (from + (to - from) * w).sin_cos();
+                let p = Complex64::new(cos_chi * r * cos - depth * sin_chi, r * sin);
+                let flow = sheet_flow(p, sin_chi, cos_chi, inside);
+                let weight = r * dr * (to - from) * dw;
+                add_disk_moments(&mut sum, flow, r / radius, cos, sin, weight);
             }
         }
     }
     let covered = match rule {
-        InterferenceRule::Converged => 1.0,
+        InterferenceRule::Converged | InterferenceRule::Trapezoid { .. } => 1.0,
         InterferenceRule::Coarse { .. } => COARSE_AZIMUTHS,
     };
     // Half the circle was covered: 1/(2π) ∫ over all = 1/π ∫ over half.
@@ -827,6 +903,7 @@ mod tests {
     use InterferenceRule::Converged;
 
     const COARSE: InterferenceRule = InterferenceRule::Coarse { radii: 30 };
+    const CIRCLES: InterferenceRule = InterferenceRule::Trapezoid { radii: 11, skews: 10 };
 
     fn map(height: f64, rule: InterferenceRule) -> CoaxialMap {
         CoaxialMap::new(height, 1.0, rule).unwrap()
@@ -926,9 +1003,67 @@ mod tests {
         assert!((sum - 2.0 * covered * COARSE_AZIMUTHS).abs() < 1e-12);
     }
 
+    /// Circles a step d apart, the one at the rim half in the wake: twice the
+    /// sum of 2 r dr is 2 − d, and so is the sum of both disks' inflow.
+    #[test]
+    fn val_circles_that_hold_the_rim_lack_one_step_of_two() {
+        for radii in [6, 11, 31] {
+            let rule = InterferenceRule::Trapezoid { radii, skews: 10 };
+            let step = 1.0 / (radii - 1) as f64;
+            let sum = uniform(H, rule) + uniform(-H, rule);
+            assert!((sum - (2.0 - step)).abs() < 1e-12, "{radii}: {sum}");
+        }
+        // What Table 2 implies: 0.63 to 0.66, and 1.21 to 1.23.
+        assert!((uniform(H, CIRCLES) - 0.653).abs() < 1e-3, "{}", uniform(H, CIRCLES));
+        assert!((uniform(-H, CIRCLES) - 1.247).abs() < 1e-3, "{}", uniform(-H, CIRCLES));
+    }
+
+    /// The table of a few skew angles passes through the rule's own sums, here
+    /// by brute force over circles a little off the wake's edge, and is smooth.
+    #[test]
+    fn the_table_of_few_skews_holds_the_rule_at_each() {
+        let pair = map(-H, CIRCLES);
+        let rim = periodic_nodes(720);
+        let around = periodic_nodes(1440);
+        for degrees in [20.0_f64, 40.0, 60.0] {
+            let (sin_chi, cos_chi) = degrees.to_radians().sin_cos();
+            let mut brute = [0.0; 3];
+            for k in 1..=10 {
+                let (r, dr) = (0.1 * f64::from(k), if k == 10 { 0.05 } else { 0.1 });
+                for &(cos, sin) in &around {
+                    let w =
+                        rim_average([r * cos, r * sin, -H], [sin_chi, 0.0], cos_chi, 1e-9, &rim);
+                    let weight = 2.0 * r * dr / around.len() as f64;
+                    brute[0] += weight * w[0];
+                    brute[1] += 4.0 * weight * w[0] * r * cos;
+                    brute[2] += 4.0 * weight * w[1] * r * cos;
+                }
+            }
+            let t = (0.5 * degrees.to_radians()).tan();
+            let (g, by_aft, _) = pair.evaluate([t, 0.0]);
+            for (ours, sum) in [g[(0, 0)], g[(1, 0)], g[(1, 1)]].into_iter().zip(brute) {
+                assert!((ours - sum).abs() < 5e-3, "{degrees} deg: {ours} {sum}");
+            }
+            let h = 1e-5;
+            let (next, last) = (pair.evaluate([t + h, 0.0]).0, pair.evaluate([t - h, 0.0]).0);
+            assert!(((next - last) / (2.0 * h) - by_aft).amax() < 1e-6);
+        }
+    }
+
+    /// Many circles and angles come to the converged integrals.
+    #[test]
+    fn circles_converge() {
+        let fine = map(-H, InterferenceRule::Trapezoid { radii: 801, skews: 181 });
+        let exact = map(-H, Converged);
+        for t in [0.0, 0.15, 0.4, 0.8] {
+            let off = (fine.evaluate([t, 0.0]).0 - exact.evaluate([t, 0.0]).0).amax();
+            assert!(off < 2e-3, "{t}: {off}");
+        }
+    }
+
     #[test]
     fn above_the_source_skew_enters_through_powers_of_its_half_angle() {
-        for rule in [Converged, COARSE] {
+        for rule in [Converged, COARSE, CIRCLES] {
             let above = AboveRule::new(H, 1.0, rule);
             let one = above.functions(0.5);
             for t in [0.05, 0.3, 0.8, 1.0] {

@@ -31,9 +31,9 @@ pub struct RotorOutput {
     pub profile_power: f64,
     /// Power of induced flow, W.
     pub induced_power: f64,
-    /// Shaft power that in-plane moments without tilt take and no blade
-    /// delivers, W: zero but for `teeter_torque_tilt = false`.
-    pub untilted_power: f64,
+    /// Shaft power that a switch which leaves exact mechanics takes and no blade
+    /// delivers, W: see [`Rotor::inexact_power`](super::rotor::Rotor::inexact_power).
+    pub inexact_power: f64,
     /// Teeter angle of blade 1, rad.
     pub teeter_angle: f64,
 }
@@ -114,7 +114,7 @@ impl Vehicle {
                     moment_hub,
                     profile_power: blades.profile,
                     induced_power: blades.induced,
-                    untilted_power: rotor.untilted_power(
+                    inexact_power: rotor.inexact_power(
                         &input,
                         shaft,
                         &work.blades[index],

@@ -22,10 +22,12 @@
 //! inertia tensor is diagonal in T. Newton's and Euler's laws for it replace
 //! the printed expansions (Eqs. 22–23, 44, 47), which neglect some terms and
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
-//! hub, belongs to the airframe (see `MassProperties`).
+//! hub, belongs to the airframe (see `MassProperties`). Two switches put single
+//! inexact relations of the paper in their place, for comparison with print:
+//! `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, HubKind, Spanwise};
+use crate::problem::{self, HubKind, Spanwise, TeeterEquation};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -103,6 +105,7 @@ pub struct Rotor {
     /// Teetering, or rigid.
     pub teetering: bool,
     teeter_torque_tilt: bool,
+    teeter_equation: TeeterEquation,
     undersling: f64,
     spring: f64,
     tan_delta_3: f64,
@@ -270,6 +273,7 @@ impl Rotor {
             governor_time_constant: rotor.governor.map(|g| g.time_constant),
             teetering,
             teeter_torque_tilt: rotor.teeter_torque_tilt,
+            teeter_equation: rotor.teeter_equation,
             undersling,
             spring,
             tan_delta_3: delta_3.tan(),
@@ -348,16 +352,18 @@ impl Rotor {
     /// Loads on a hub that does not accelerate.
     #[inline(always)]
     pub fn loads<S: Scalar>(&self, input: &RotorInput<S>, shaft: &Shaft<S>) -> RotorLoads<S> {
-        self.loads_tilting(input, shaft, self.teeter_torque_tilt)
+        self.loads_with(input, shaft, self.teeter_torque_tilt, self.teeter_equation)
     }
 
-    /// [`Rotor::loads`], with in-plane moments that tilt with the blades or not.
+    /// [`Rotor::loads`], with in-plane moments that tilt with the blades or not
+    /// and by either teeter equation.
     #[inline(always)]
-    fn loads_tilting<S: Scalar>(
+    fn loads_with<S: Scalar>(
         &self,
         input: &RotorInput<S>,
         shaft: &Shaft<S>,
         torque_tilts: bool,
+        teeter_equation: TeeterEquation,
     ) -> RotorLoads<S> {
         let [l0, l1c, l1s] = input.inflow;
         let [vx, vy, vz] = input.velocity_hub.0;
@@ -482,8 +488,14 @@ impl Rotor {
         let gyro_y = wx * wz * (jx - jz);
         let (alpha_y, teeter_acceleration, hub_my) = if self.teetering {
             let spring = beta_t1 * self.spring;
-            let alpha_y = (aero_t[1] - spring - gyro_y) * (1.0 / jy);
-            (alpha_y, alpha_y - alpha[1], spring)
+            let teeter_acceleration = match teeter_equation {
+                TeeterEquation::Exact => (aero_t[1] - spring - gyro_y) * (1.0 / jy) - alpha[1],
+                // Eq. 54: the shaft's rate in place of ω_z, small angles.
+                TeeterEquation::SmallAngles => {
+                    (aero_t[1] - spring) * (1.0 / jy) - (omega_x * 2.0 + beta_t1 * omega) * omega
+                }
+            };
+            (teeter_acceleration + alpha[1], teeter_acceleration, spring)
         } else {
             (alpha[1], S::default(), aero_t[1] - alpha[1] * jy - gyro_y)
         };
@@ -800,28 +812,45 @@ impl Rotor {
         probe.power
     }
 
-    /// Shaft power, W, that goes into no work of the blades, because in-plane
-    /// moments act about the shaft while the blades teeter: the work of the
-    /// moment on the hub less that of the exact one. Zero where moments
-    /// tilt. `acceleration` holds the hub's acceleration less gravity and its
-    /// angular acceleration, hub frame.
+    /// Shaft power, W, that goes into no work of the blades, because a switch
+    /// leaves exact mechanics: in-plane moments about the shaft while the
+    /// blades teeter (the work of the moment on the hub less that of the exact
+    /// one), or the small-angle teeter equation (less the work of the moment
+    /// that it lacks). Zero without either. `acceleration` holds the hub's
+    /// acceleration less gravity and its angular acceleration, hub frame.
     #[must_use]
-    pub fn untilted_power(
+    pub fn inexact_power(
         &self,
         input: &RotorInput<f64>,
         shaft: &Shaft<f64>,
         blades: &[Vec3<f64>; 3],
         acceleration: (Vec3<f64>, Vec3<f64>),
     ) -> f64 {
-        if self.teeter_torque_tilt || !self.teetering {
+        if !self.teetering {
             return 0.0;
         }
-        let moment = |tilts: bool| {
-            self.loads_tilting(input, shaft, tilts).moment_hub
-                + self.acceleration_loads_tilting(blades, acceleration.0, acceleration.1, tilts).1
-        };
-        let surplus = moment(false) - moment(true);
-        surplus.0[2] * shaft.speed - surplus.dot(input.rate_hub)
+        let mut power = 0.0;
+        if !self.teeter_torque_tilt {
+            let moment = |tilts: bool| {
+                self.loads_with(input, shaft, tilts, self.teeter_equation).moment_hub
+                    + self
+                        .acceleration_loads_tilting(blades, acceleration.0, acceleration.1, tilts)
+                        .1
+            };
+            let surplus = moment(false) - moment(true);
+            power += surplus.0[2] * shaft.speed - surplus.dot(input.rate_hub);
+        }
+        if self.teeter_equation != TeeterEquation::Exact {
+            let acceleration = |equation: TeeterEquation| {
+                self.loads_with(input, shaft, true, equation).teeter_acceleration
+            };
+            let lacking = self.inertia[1]
+                * (acceleration(self.teeter_equation) - acceleration(TeeterEquation::Exact));
+            let [_, teeter_rate] = self.teeter(&input.flapping, shaft);
+            let [p, q, _] = input.rate_hub.0;
+            power -= lacking * (teeter_rate - p * shaft.sine - q * shaft.cosine);
+        }
+        power
     }
 }
 

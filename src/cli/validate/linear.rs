@@ -39,7 +39,8 @@ fn known_misfit(condition: Condition, row: &str, column: &str) -> &'static str {
         (Condition::Hover, "u" | "v", "p" | "q") => "rate derivatives: partly explained",
         (Condition::Hover, "p" | "q", "p" | "q") => "follows the rate derivatives of u and v",
         (Condition::Hover, "r", "r" | "lat" | "ped") => "inertia of the blades in yaw",
-        (Condition::Hover, "w", "w" | "p" | "q") => "small difference of two rotors",
+        (Condition::Hover, "v" | "p", "r") => "teeter equation for small angles",
+        (Condition::Hover, "w", "w" | "p" | "q" | "r") => "small difference of two rotors",
         (Condition::Forward, "u" | "q", "w" | "lon" | "col" | "ped") => {
             "thrust line, wash at the tail"
         }
