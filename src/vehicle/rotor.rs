@@ -488,14 +488,15 @@ impl Rotor {
         let gyro_y = wx * wz * (jx - jz);
         let (alpha_y, teeter_acceleration, hub_my) = if self.teetering {
             let spring = beta_t1 * self.spring;
-            let teeter_acceleration = match teeter_equation {
-                TeeterEquation::Exact => (aero_t[1] - spring - gyro_y) * (1.0 / jy) - alpha[1],
+            let alpha_y = match teeter_equation {
+                TeeterEquation::Exact => (aero_t[1] - spring - gyro_y) * (1.0 / jy),
                 // Eq. 54: the shaft's rate in place of ω_z, small angles.
                 TeeterEquation::SmallAngles => {
-                    (aero_t[1] - spring) * (1.0 / jy) - (omega_x * 2.0 + beta_t1 * omega) * omega
+                    let turning = (omega_x * 2.0 + beta_t1 * omega) * omega;
+                    (aero_t[1] - spring) * (1.0 / jy) - turning + alpha[1]
                 }
             };
-            (teeter_acceleration + alpha[1], teeter_acceleration, spring)
+            (alpha_y, alpha_y - alpha[1], spring)
         } else {
             (alpha[1], S::default(), aero_t[1] - alpha[1] * jy - gyro_y)
         };
