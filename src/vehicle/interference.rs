@@ -465,11 +465,13 @@ fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f
                 .collect()
         }
         InterferenceRule::Trapezoid { radii, .. } => {
-            let step = radius / (radii - 1) as f64;
+            // The last is the rim to the bit: the wake's edge may lie on it.
+            let steps = (radii - 1) as f64;
             (0..radii)
                 .map(|k| {
                     let end = k == 0 || k == radii - 1;
-                    (k as f64 * step, if end { 0.5 * step } else { step })
+                    let weight = if end { 0.5 } else { 1.0 };
+                    (radius * (k as f64 / steps), weight * radius / steps)
                 })
                 .collect()
         }
@@ -862,7 +864,7 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
         let level = (r * r + shift * shift - 1.0) / (2.0 * r * shift);
         let leave = if shift.is_infinite() {
             0.0
-        } else if level.is_nan() {
+        } else if shift == 0.0 && r == 1.0 {
             0.5 * PI
         } else {
             level.clamp(-1.0, 1.0).acos()
@@ -1007,7 +1009,7 @@ mod tests {
     /// sum of 2 r dr is 2 − d, and so is the sum of both disks' inflow.
     #[test]
     fn val_circles_that_hold_the_rim_lack_one_step_of_two() {
-        for radii in [6, 11, 31] {
+        for radii in [6, 11, 31, 50] {
             let rule = InterferenceRule::Trapezoid { radii, skews: 10 };
             let step = 1.0 / (radii - 1) as f64;
             let sum = uniform(H, rule) + uniform(-H, rule);
@@ -1019,7 +1021,7 @@ mod tests {
     }
 
     /// The table of a few skew angles passes through the rule's own sums, here
-    /// by brute force over circles a little off the wake's edge, and is smooth.
+    /// by brute force (1440 azimuths across the jump leave 3e-3), and is smooth.
     #[test]
     fn the_table_of_few_skews_holds_the_rule_at_each() {
         let pair = map(-H, CIRCLES);

@@ -842,11 +842,11 @@ impl Rotor {
             power += surplus.0[2] * shaft.speed - surplus.dot(input.rate_hub);
         }
         if self.teeter_equation != TeeterEquation::Exact {
-            let acceleration = |equation: TeeterEquation| {
+            let teeter = |equation: TeeterEquation| {
                 self.loads_with(input, shaft, true, equation).teeter_acceleration
             };
-            let lacking = self.inertia[1]
-                * (acceleration(self.teeter_equation) - acceleration(TeeterEquation::Exact));
+            let lacking =
+                self.inertia[1] * (teeter(self.teeter_equation) - teeter(TeeterEquation::Exact));
             let [_, teeter_rate] = self.teeter(&input.flapping, shaft);
             let [p, q, _] = input.rate_hub.0;
             power -= lacking * (teeter_rate - p * shaft.sine - q * shaft.cosine);
