@@ -14,7 +14,6 @@
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
 //! * [`report`]: tables and plots of what the stages found.
-//! * [`cli`]: the command line around them.
 //!
 //! # From a file to a flight
 //!
@@ -156,7 +155,6 @@
 //! `examples/own_rotorcraft.rs` does the first of these for a helicopter with
 //! main and tail rotor.
 
-pub mod cli;
 pub mod control;
 pub mod export;
 pub mod linear;

@@ -1,6 +1,7 @@
-//! The `coaxdesign` program. Everything is in the library, see
-//! [`coaxdesign::cli`].
+//! The `coaxdesign` program: the command line around the library.
+
+mod cli;
 
 fn main() -> std::process::ExitCode {
-    coaxdesign::cli::main()
+    cli::main()
 }

@@ -7,8 +7,8 @@ use clap::{Args, ValueEnum};
 use super::error::color;
 use super::output;
 use super::{CliError, Outcome};
-use crate::problem::{self, Loaded};
-use crate::units::System;
+use coaxdesign::problem::{self, Loaded};
+use coaxdesign::units::System;
 
 /// Environment variable that a design sets for its stages.
 pub(super) const STAGE: &str = "COAXDESIGN_STAGE";

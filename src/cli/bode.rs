@@ -10,14 +10,14 @@ use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArg
 use super::models::{Choice, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
-use crate::linear::frequency::{ChannelComparison, compare, log_grid};
-use crate::linear::linearize::linearize;
-use crate::linear::model::{index_of, shown_per_si};
-use crate::linear::reduction::{Method, RIGID_BODY};
-use crate::linear::{LinearError, StateSpace};
-use crate::report::figures::{BodeChannel, FrequencyResponse, bode_figure};
-use crate::report::table::{Cell, Coloring, Column, Digits, Table};
-use crate::units::{Kind, System};
+use coaxdesign::linear::frequency::{ChannelComparison, compare, log_grid};
+use coaxdesign::linear::linearize::linearize;
+use coaxdesign::linear::model::{index_of, shown_per_si};
+use coaxdesign::linear::reduction::{Method, RIGID_BODY};
+use coaxdesign::linear::{LinearError, StateSpace};
+use coaxdesign::report::figures::{BodeChannel, FrequencyResponse, bode_figure};
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Table};
+use coaxdesign::units::{Kind, System};
 
 /// Most pairs of input and output in one plot.
 const MOST_PLOTTED: usize = 6;
@@ -248,7 +248,7 @@ fn decibel(value: f64) -> f64 {
     20.0 * value.log10()
 }
 
-fn figure(title: &str, entries: &[Entry], pairs: &[Pair]) -> crate::report::plot::Figure {
+fn figure(title: &str, entries: &[Entry], pairs: &[Pair]) -> coaxdesign::report::plot::Figure {
     let channels: Vec<BodeChannel> = pairs
         .iter()
         .map(|pair| BodeChannel {

@@ -6,12 +6,12 @@ use serde_json::{Map, Value as Json, json};
 use super::args::{ProblemArgs, UnitsArgs};
 use super::error::color;
 use super::{CliError, Outcome, output};
-use crate::problem::{
+use coaxdesign::problem::{
     Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow, Problem, STICKS,
     Spanwise, Station, TotalInflow, Wash, WingModel,
 };
-use crate::units::{Kind, System};
-use crate::vehicle::{Vehicle, summary};
+use coaxdesign::units::{Kind, System};
+use coaxdesign::vehicle::{Vehicle, summary};
 
 /// Digits that are shown; JSON has them all.
 const DIGITS: usize = 5;

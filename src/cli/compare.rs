@@ -14,22 +14,22 @@ use super::report::{Inputs, directory_of};
 use super::trim::{attitude, curves, least_margin, on_off, parse_speeds};
 use super::tune::{blades, usage};
 use super::{CliError, Outcome, output};
-use crate::control::axis::Channel;
-use crate::control::models::from_state_space;
-use crate::control::plant::{Inversion, ModelClass, TrimPoint as Equilibrium};
-use crate::control::verify::{BladeControl, Row};
-use crate::linear::linearize::{Options as LinearOptions, averaged};
-use crate::linear::modes::{Mode, modes};
-use crate::linear::reduction::{RIGID_BODY, residualise};
-use crate::problem::Problem;
-use crate::report::figures::{EigenvalueSet, trim_figure};
-use crate::report::html::{Page, Section};
-use crate::report::plot::Figure;
-use crate::report::progress::Progress;
-use crate::report::table::{Cell, Coloring, Column, Table, decimals};
-use crate::trim::{FlightCondition, Options, TrimPoint, sweep};
-use crate::units::{Kind, System};
-use crate::vehicle::Vehicle;
+use coaxdesign::control::axis::Channel;
+use coaxdesign::control::models::from_state_space;
+use coaxdesign::control::plant::{Inversion, ModelClass, TrimPoint as Equilibrium};
+use coaxdesign::control::verify::{BladeControl, Row};
+use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
+use coaxdesign::linear::modes::{Mode, modes};
+use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
+use coaxdesign::problem::Problem;
+use coaxdesign::report::figures::{EigenvalueSet, trim_figure};
+use coaxdesign::report::html::{Page, Section};
+use coaxdesign::report::plot::Figure;
+use coaxdesign::report::progress::Progress;
+use coaxdesign::report::table::{Cell, Coloring, Column, Table, decimals};
+use coaxdesign::trim::{FlightCondition, Options, TrimPoint, sweep};
+use coaxdesign::units::{Kind, System};
+use coaxdesign::vehicle::Vehicle;
 
 /// Most speeds of which the table shows the trim.
 const SPEEDS_SHOWN: usize = 4;
@@ -243,7 +243,7 @@ impl Subject {
 
 /// The trim as the control law knows it.
 fn equilibrium(point: &TrimPoint) -> Equilibrium {
-    let velocity = crate::vehicle::Layout::BODY.velocity;
+    let velocity = coaxdesign::vehicle::Layout::BODY.velocity;
     let [roll, pitch] = attitude(point);
     Equilibrium {
         velocity_body: std::array::from_fn(|k| point.mean_state[velocity + k]),

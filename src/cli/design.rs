@@ -14,14 +14,14 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::args::{ProblemArgs, STAGE, Units, UnitsArgs, builtin_name};
+use super::export::FormatName;
 use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
-use crate::export::Format;
-use crate::problem::BUILTIN;
-use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use crate::schedule::hash;
-use crate::units::{Kind, System};
+use coaxdesign::problem::BUILTIN;
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::schedule::hash;
+use coaxdesign::units::{Kind, System};
 
 /// Schema of `design.json`.
 const SCHEMA: &str = "coaxdesign.design/1";
@@ -56,7 +56,7 @@ pub struct Design {
         value_delimiter = ',',
         default_value = "json,csv,c,matlab,python,jsbsim"
     )]
-    exports: Vec<Format>,
+    exports: Vec<FormatName>,
     /// Run every stage, changed or not
     #[arg(long)]
     again: bool,
@@ -379,7 +379,7 @@ impl Design {
                 ..Stage::default()
             },
         ];
-        let names = self.exports.iter().map(|format| format.about().name);
+        let names = self.exports.iter().map(|format| format.0.about().name);
         let exports = names.map(|format| Stage {
             name: format!("export {format}"),
             // What misses a requirement is exported too, and says so.

@@ -4,8 +4,8 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::output;
-use crate::problem::Report;
-use crate::vehicle::VehicleError;
+use coaxdesign::problem::Report;
+use coaxdesign::vehicle::VehicleError;
 
 /// Exit code of an internal error.
 pub(super) const INTERNAL: u8 = 70;

@@ -8,9 +8,9 @@ use clap::{Args, ValueEnum};
 
 use super::tune::usage;
 use super::{CliError, Outcome, output};
-use crate::export::{self, ExportError, Format, Options, Precision};
-use crate::schedule::{self, Schedule};
-use crate::units::{Kind, parse_quantity};
+use coaxdesign::export::{self, ExportError, Format, Options, Precision};
+use coaxdesign::schedule::{self, Schedule};
+use coaxdesign::units::{Kind, parse_quantity};
 
 /// Write a gain schedule in the form of another program
 ///
@@ -24,7 +24,7 @@ pub struct Export {
     schedule: Option<PathBuf>,
     /// Form to write
     #[arg(long, value_enum, value_name = "FORMAT", required_unless_present = "list")]
-    to: Option<Format>,
+    to: Option<FormatName>,
     /// List the forms
     #[arg(long, exclusive = true)]
     list: bool,
@@ -65,13 +65,17 @@ enum PrecisionName {
     Double,
 }
 
-impl ValueEnum for Format {
+/// A form by its name.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FormatName(pub(super) Format);
+
+impl ValueEnum for FormatName {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [Format; Format::ALL.len()] = {
-            let mut all = [Format::Json; Format::ALL.len()];
+        const ALL: [FormatName; Format::ALL.len()] = {
+            let mut all = [FormatName(Format::Json); Format::ALL.len()];
             let mut k = 0;
             while k < all.len() {
-                all[k] = Format::ALL[k].format;
+                all[k] = FormatName(Format::ALL[k].format);
                 k += 1;
             }
             all
@@ -80,14 +84,15 @@ impl ValueEnum for Format {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        let about = self.about();
+        let about = self.0.about();
         Some(PossibleValue::new(about.name).help(about.content))
     }
 }
 
 impl Export {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
-        let (Some(path), Some(format), false) = (&self.schedule, self.to, self.list) else {
+        let (Some(path), Some(FormatName(format)), false) = (&self.schedule, self.to, self.list)
+        else {
             output::print(&list())?;
             return Ok(Outcome::Done);
         };

@@ -8,17 +8,17 @@ use clap::Args;
 use super::CliError;
 use super::args::ProblemArgs;
 use super::trim::failures;
-use crate::control::plant::Hardware;
-use crate::control::spec;
-use crate::problem::Loaded;
-use crate::schedule::Schedule;
-use crate::simulate::flight::{Autopilot, FlightError};
-use crate::simulate::maneuver::{self, Maneuver, Mode};
-use crate::simulate::montecarlo::Variation;
-use crate::simulate::{Options, SimulationError};
-use crate::trim::{ConvergedTrim, Options as TrimOptions, sweep};
-use crate::units::{Kind, parse_quantity};
-use crate::vehicle::Vehicle;
+use coaxdesign::control::plant::Hardware;
+use coaxdesign::control::spec;
+use coaxdesign::problem::Loaded;
+use coaxdesign::schedule::Schedule;
+use coaxdesign::simulate::flight::{Autopilot, FlightError};
+use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
+use coaxdesign::simulate::montecarlo::Variation;
+use coaxdesign::simulate::{Options, SimulationError};
+use coaxdesign::trim::{ConvergedTrim, Options as TrimOptions, sweep};
+use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::vehicle::Vehicle;
 
 /// The manoeuvre and how it is flown.
 #[derive(Debug, Clone, Args)]

@@ -11,28 +11,28 @@ use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
 use super::fly::load_schedule;
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
-use crate::control::axis::{Axis, Channel, GainSet};
-use crate::control::loops::{Cut, FrequencyModel, LoopModel};
-use crate::control::metrics::decibels;
-use crate::control::models::{airframe, from_state_space};
-use crate::control::plant::rigid;
-use crate::control::spec;
-use crate::control::tuning::default_grid;
-use crate::control::verify::inner_only;
-use crate::linear::linearize::{self, averaged};
-use crate::report::figures::{
+use coaxdesign::control::axis::{Axis, Channel, GainSet};
+use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
+use coaxdesign::control::metrics::decibels;
+use coaxdesign::control::models::{airframe, from_state_space};
+use coaxdesign::control::plant::rigid;
+use coaxdesign::control::spec;
+use coaxdesign::control::tuning::default_grid;
+use coaxdesign::control::verify::inner_only;
+use coaxdesign::linear::linearize::{self, averaged};
+use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, time_history_figure,
 };
-use crate::report::table::{Cell, Coloring, Column, Digits, Table};
-use crate::simulate::Options;
-use crate::simulate::flight::Autopilot;
-use crate::simulate::identify::{
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Table};
+use coaxdesign::simulate::Options;
+use coaxdesign::simulate::flight::Autopilot;
+use coaxdesign::simulate::identify::{
     self, Measured, PlantResponse, Record, Response, SLOWEST_REJECTION, Sweep, measure_axes,
 };
-use crate::simulate::steps::{self, SmallStep};
-use crate::trim::{FlightCondition, Options as TrimOptions, sweep};
-use crate::units::{Kind, System};
-use crate::vehicle::Vehicle;
+use coaxdesign::simulate::steps::{self, SmallStep};
+use coaxdesign::trim::{FlightCondition, Options as TrimOptions, sweep};
+use coaxdesign::units::{Kind, System};
+use coaxdesign::vehicle::Vehicle;
 
 /// Measure margins and bandwidths of a schedule in simulated flight, beside the linear predictions
 ///
@@ -192,7 +192,7 @@ impl Identify {
             message,
             help: "write a time with its unit, such as --sweep \"320 s\"".into(),
         };
-        let duration = crate::units::parse_quantity(&self.sweep, Kind::Time)
+        let duration = coaxdesign::units::parse_quantity(&self.sweep, Kind::Time)
             .map_err(|error| usage(format!("--sweep {:?}: {error}", self.sweep)))?;
         if !(SWEEP_TIMES[0]..=SWEEP_TIMES[1]).contains(&duration) {
             let [least, most] = SWEEP_TIMES;

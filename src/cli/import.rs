@@ -7,7 +7,7 @@ use clap::Args;
 use super::export::load;
 use super::tune::usage;
 use super::{CliError, Outcome, output};
-use crate::export::import::{Source, import};
+use coaxdesign::export::import::{Source, import};
 
 /// Read a gain schedule of another program, or written by hand
 ///

@@ -14,26 +14,28 @@ use super::models::{
 };
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
-use crate::linear::dense::balance;
-use crate::linear::floquet::{AveragingError, Floquet, FloquetOptions, analyse, averaging_error};
-use crate::linear::frequency::{ErrorOptions, compare};
-use crate::linear::io::{
+use coaxdesign::linear::dense::balance;
+use coaxdesign::linear::floquet::{
+    AveragingError, Floquet, FloquetOptions, analyse, averaging_error,
+};
+use coaxdesign::linear::frequency::{ErrorOptions, compare};
+use coaxdesign::linear::io::{
     ModelRecord, periodic_to_json, periodic_to_mat, set_to_json, set_to_mat, to_csv, to_json,
     to_mat,
 };
-use crate::linear::linearize::{Linearization, linearize};
-use crate::linear::model::FourierMatrix;
-use crate::linear::reduction::RIGID_BODY;
-use crate::linear::set::{Interpolation, MidpointCheck, ModelSet, check_interpolation};
-use crate::linear::{Channel, LinearError, PeriodicModel, StateSpace};
-use crate::problem::Problem;
-use crate::report::figures::{
+use coaxdesign::linear::linearize::{Linearization, linearize};
+use coaxdesign::linear::model::FourierMatrix;
+use coaxdesign::linear::reduction::RIGID_BODY;
+use coaxdesign::linear::set::{Interpolation, MidpointCheck, ModelSet, check_interpolation};
+use coaxdesign::linear::{Channel, LinearError, PeriodicModel, StateSpace};
+use coaxdesign::problem::Problem;
+use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, gain_schedule_figure,
 };
-use crate::report::plot::Figure;
-use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use crate::trim::{ConvergedTrim, FlightCondition};
-use crate::units::{Kind, System};
+use coaxdesign::report::plot::Figure;
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::trim::{ConvergedTrim, FlightCondition};
+use coaxdesign::units::{Kind, System};
 
 /// Columns of a matrix side by side in a table.
 const TABLE_COLUMNS: usize = 8;
@@ -560,7 +562,7 @@ fn matrix_table(
 /// Size of the harmonics of A and B, states brought to like size by balancing.
 fn harmonic_table(model: &PeriodicModel) -> Result<String, LinearError> {
     let (_, scale) = balance(model.averaged().a())?;
-    let series = |pick: fn(&crate::linear::model::PeriodicSample) -> &DMatrix<f64>,
+    let series = |pick: fn(&coaxdesign::linear::model::PeriodicSample) -> &DMatrix<f64>,
                   square: bool| {
         let scaled: Vec<DMatrix<f64>> = model
             .samples()

@@ -3,7 +3,7 @@
 use clap::{Args, CommandFactory};
 
 use super::{Cli, CliError, Outcome, output};
-use crate::problem::nearest_help;
+use coaxdesign::problem::nearest_help;
 
 /// Print a manual page
 #[derive(Debug, Args)]

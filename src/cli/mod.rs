@@ -22,6 +22,7 @@ mod modes;
 mod montecarlo;
 mod new;
 pub mod output;
+#[cfg(feature = "parquet")]
 mod parquet;
 mod report;
 mod schema;

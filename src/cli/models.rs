@@ -9,18 +9,18 @@ use rayon::prelude::*;
 
 use super::trim::{FlightArgs, failures};
 use super::{CliError, output};
-use crate::linear::frequency::{ErrorOptions, ResponseError, log_grid, response_error};
-use crate::linear::harmonic;
-use crate::linear::reduction::{
+use coaxdesign::linear::frequency::{ErrorOptions, ResponseError, log_grid, response_error};
+use coaxdesign::linear::harmonic;
+use coaxdesign::linear::reduction::{
     BalancedOptions, Method, RIGID_BODY, Reduction, balanced, outputs_as_states, residualise,
     truncate,
 };
-use crate::linear::{Channel, LinearError, PeriodicModel, StateSpace, linearize};
-use crate::problem::{Problem, STICKS};
-use crate::report::progress::Progress;
-use crate::trim::{ConvergedTrim, FlightCondition, Options, TrimPoint, sweep};
-use crate::units::Kind;
-use crate::vehicle::Vehicle;
+use coaxdesign::linear::{Channel, LinearError, PeriodicModel, StateSpace, linearize};
+use coaxdesign::problem::{Problem, STICKS};
+use coaxdesign::report::progress::Progress;
+use coaxdesign::trim::{ConvergedTrim, FlightCondition, Options, TrimPoint, sweep};
+use coaxdesign::units::Kind;
+use coaxdesign::vehicle::Vehicle;
 
 /// Most harmonics of a harmonic model: beyond, it only grows.
 const MOST_HARMONICS: usize = 12;
@@ -473,7 +473,7 @@ pub(super) fn on_axis(model: &StateSpace) -> Result<Vec<(String, String)>, Linea
             .map(|(stick, output)| ((*stick).to_owned(), output.to_owned()))
             .collect());
     }
-    let response = crate::linear::frequency::frequency_response(model, &[1.0])?;
+    let response = coaxdesign::linear::frequency::frequency_response(model, &[1.0])?;
     outputs
         .into_iter()
         .map(|output| {

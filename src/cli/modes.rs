@@ -12,16 +12,16 @@ use super::bode::speed_text;
 use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
-use crate::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponents};
-use crate::linear::linearize::{Options, linearize};
-use crate::linear::modes::{Mode, modes};
-use crate::linear::reference::{Condition, appendix};
-use crate::linear::{LinearError, PeriodicModel, StateSpace};
-use crate::problem::Problem;
-use crate::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
-use crate::report::plot::Legend;
-use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use crate::units::{Kind, System};
+use coaxdesign::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponents};
+use coaxdesign::linear::linearize::{Options, linearize};
+use coaxdesign::linear::modes::{Mode, modes};
+use coaxdesign::linear::reference::{Condition, appendix};
+use coaxdesign::linear::{LinearError, PeriodicModel, StateSpace};
+use coaxdesign::problem::Problem;
+use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
+use coaxdesign::report::plot::Legend;
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::units::{Kind, System};
 
 /// Modes slower than this, rad/s, are shown larger in a second panel of the
 /// plot: those of the airframe.
@@ -439,7 +439,7 @@ fn row_json(row: &Row) -> Json {
     object
 }
 
-fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
+fn figure(title: &str, listings: &[Listing]) -> coaxdesign::report::plot::Figure {
     let sets: Vec<EigenvalueSet> = listings
         .iter()
         .map(|listing| EigenvalueSet {
@@ -460,7 +460,7 @@ fn figure(title: &str, listings: &[Listing]) -> crate::report::plot::Figure {
 }
 
 /// Eigenvalues in the plane: all of them, and the slow ones larger.
-pub(super) fn plane(title: &str, sets: &[EigenvalueSet]) -> crate::report::plot::Figure {
+pub(super) fn plane(title: &str, sets: &[EigenvalueSet]) -> coaxdesign::report::plot::Figure {
     let values = || sets.iter().flat_map(|set| &set.values);
     let slow = || values().filter(|value| value.norm() < SLOW);
     let mut views = Vec::new();

@@ -13,13 +13,13 @@ use serde_json::json;
 use super::args::{Format, FormatArgs, RunArgs};
 use super::fly::{FlyArgs, Ready, flight_error};
 use super::{CliError, Outcome, output};
-use crate::report::progress::Progress;
-use crate::schedule::hash;
-use crate::simulate::metrics::Meter;
-use crate::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw, wilson};
-use crate::simulate::{Flight, Options};
-use crate::trim::{Options as TrimOptions, sweep};
-use crate::units::{KNOT, Kind, parse_quantity};
+use coaxdesign::report::progress::Progress;
+use coaxdesign::schedule::hash;
+use coaxdesign::simulate::metrics::Meter;
+use coaxdesign::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw, wilson};
+use coaxdesign::simulate::{Flight, Options};
+use coaxdesign::trim::{Options as TrimOptions, sweep};
+use coaxdesign::units::{KNOT, Kind, parse_quantity};
 
 /// Schema of the file of runs.
 const SCHEMA: &str = "coaxdesign.montecarlo/1";

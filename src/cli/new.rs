@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn starter_file_is_sound() {
-        let loaded = crate::problem::parse_str("starter.toml", super::STARTER, Path::new(""));
+        let loaded = coaxdesign::problem::parse_str("starter.toml", super::STARTER, Path::new(""));
         let loaded = loaded.unwrap_or_else(|report| panic!("{report}"));
         assert!(loaded.warnings.is_empty());
     }

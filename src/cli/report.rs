@@ -10,10 +10,10 @@ use clap::Args;
 
 use super::args::{ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
-use crate::control::law::LawTable;
-use crate::problem::{self, Loaded};
-use crate::report::html::Page;
-use crate::schedule::{Schedule, hash};
+use coaxdesign::control::law::LawTable;
+use coaxdesign::problem::{self, Loaded};
+use coaxdesign::report::html::Page;
+use coaxdesign::schedule::{Schedule, hash};
 use gather::{Checked, Study};
 pub(super) use maneuvers::DIRECTORY as FLIGHTS;
 use maneuvers::Flown;
@@ -90,7 +90,7 @@ pub(super) struct Inputs {
     /// Name or path of the problem, as it is shown.
     pub problem_name: String,
     /// The specification and its text.
-    pub spec: (crate::control::spec::Specification, String),
+    pub spec: (coaxdesign::control::spec::Specification, String),
     /// Name or path of the specification, as it is shown.
     pub spec_name: String,
 }
@@ -126,7 +126,7 @@ impl Inputs {
         };
         let spec_path = spec.map(Path::to_path_buf).or(noted.specification);
         let spec_name = spec_path.as_ref().map_or_else(
-            || crate::control::spec::BUILTIN_NAME.to_string(),
+            || coaxdesign::control::spec::BUILTIN_NAME.to_string(),
             |path| path.display().to_string(),
         );
         let spec = super::tune::SpecArgs::of(spec_path).load()?;

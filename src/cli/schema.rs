@@ -4,8 +4,8 @@ use clap::{Args, ValueEnum};
 
 use super::args::OutputArgs;
 use super::{CliError, Outcome};
-use crate::export::schema::{law_schema, schedule_schema};
-use crate::problem;
+use coaxdesign::export::schema::{law_schema, schedule_schema};
+use coaxdesign::problem;
 
 /// Write the JSON Schema of problem files or of results, for editors and other programs
 #[derive(Debug, Args)]

@@ -8,14 +8,15 @@ use serde_json::{Value as Json, json};
 use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
 use super::fly::{FlyArgs, Ready, flight_error};
 use super::output::{self, WholeFile};
+#[cfg(feature = "parquet")]
 use super::parquet::Columns;
 use super::{CliError, Outcome};
-use crate::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
-use crate::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
-use crate::simulate::metrics::{Meter, SCHEMA};
-use crate::simulate::record::Column;
-use crate::simulate::{Flight, Metrics, Recorder, Status};
-use crate::units::{Kind, System};
+use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
+use coaxdesign::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
+use coaxdesign::simulate::metrics::{Meter, SCHEMA};
+use coaxdesign::simulate::record::Column;
+use coaxdesign::simulate::{Flight, Metrics, Recorder, Status};
+use coaxdesign::units::{Kind, System};
 
 /// Fly a manoeuvre with the full nonlinear vehicle, under a schedule or in open loop
 ///
@@ -46,6 +47,7 @@ pub struct Simulate {
 enum History {
     Csv,
     Json,
+    #[cfg(feature = "parquet")]
     Parquet,
 }
 
@@ -54,7 +56,13 @@ fn history_form(path: &Path) -> Result<History, CliError> {
     match extension.as_str() {
         "csv" => Ok(History::Csv),
         "json" => Ok(History::Json),
+        #[cfg(feature = "parquet")]
         "parquet" => Ok(History::Parquet),
+        #[cfg(not(feature = "parquet"))]
+        "parquet" => Err(CliError::Usage {
+            message: format!("{}: this program was built without Parquet", path.display()),
+            help: "build it with `cargo install --path . --features parquet`, or write .csv".into(),
+        }),
         _ => Err(CliError::Usage {
             message: format!("{}: the ending says no form", path.display()),
             help: "end the name in .csv, .json or .parquet".into(),
@@ -65,6 +73,7 @@ fn history_form(path: &Path) -> Result<History, CliError> {
 /// A history that is written as it comes.
 enum Stream {
     Csv(WholeFile),
+    #[cfg(feature = "parquet")]
     Parquet(Box<Columns>),
 }
 
@@ -83,6 +92,7 @@ impl Stream {
                 file.write(csv_head(columns, system).as_bytes())?;
                 Some(Self::Csv(file))
             }
+            #[cfg(feature = "parquet")]
             History::Parquet => {
                 let names: Vec<String> = columns.iter().map(|c| heading(c, system)).collect();
                 Some(Self::Parquet(Box::new(Columns::create(path, force, &names)?)))
@@ -97,6 +107,7 @@ impl Stream {
                 csv_line(&mut line, columns, row, system);
                 file.write(line.as_bytes())
             }
+            #[cfg(feature = "parquet")]
             Self::Parquet(file) => {
                 file.row(columns.iter().zip(row).map(|(c, value)| c.kind.from_si(*value, system)))
             }
@@ -106,6 +117,7 @@ impl Stream {
     fn finish(self) -> Result<(), CliError> {
         match self {
             Self::Csv(file) => file.finish(),
+            #[cfg(feature = "parquet")]
             Self::Parquet(file) => file.finish(),
         }
     }
@@ -200,7 +212,7 @@ impl Simulate {
             message: format!("--interval {text:?}: {message}"),
             help: "write a time such as --interval \"0.1 s\"".into(),
         };
-        let interval = crate::units::parse_quantity(text, Kind::Time)
+        let interval = coaxdesign::units::parse_quantity(text, Kind::Time)
             .map_err(|error| usage(error.to_string()))?;
         if interval <= 0.0 {
             return Err(usage("it must be positive".into()));
@@ -510,7 +522,7 @@ fn figure(
     .into_iter()
     .flatten()
     .collect();
-    for stick in crate::problem::STICKS {
+    for stick in coaxdesign::problem::STICKS {
         panels.extend(panel(
             &format!("{stick} stick"),
             2.0,

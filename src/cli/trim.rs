@@ -6,14 +6,14 @@ use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
-use crate::problem::{Problem, STICKS};
-use crate::report::figures::{Channel, Marks, TrimSweep, trim_figure};
-use crate::report::progress::Progress;
-use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use crate::trim::reference::{HOVER_OFF, HOVER_ON};
-use crate::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
-use crate::units::{Kind, System, parse_quantity};
-use crate::vehicle::Vehicle;
+use coaxdesign::problem::{Problem, STICKS};
+use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
+use coaxdesign::report::progress::Progress;
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use coaxdesign::units::{Kind, System, parse_quantity};
+use coaxdesign::vehicle::Vehicle;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
 #[derive(Debug, Args)]
@@ -447,7 +447,7 @@ fn published_table(found: &[Published], system: System) -> Table {
 
 /// Mean roll and pitch attitude, rad.
 pub(super) fn attitude(point: &TrimPoint) -> [f64; 2] {
-    let body = crate::vehicle::Layout::BODY;
+    let body = coaxdesign::vehicle::Layout::BODY;
     [point.mean_state[body.roll], point.mean_state[body.pitch]]
 }
 
@@ -666,7 +666,7 @@ pub(super) fn figure(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,
-) -> crate::report::plot::Figure {
+) -> coaxdesign::report::plot::Figure {
     let data: Vec<TrimSweep> = sweeps
         .iter()
         .filter(|points| !points.is_empty())
@@ -789,7 +789,7 @@ pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::KNOT;
+    use coaxdesign::units::KNOT;
 
     #[test]
     fn speeds_in_every_form() {

@@ -6,27 +6,27 @@ use std::path::{Path, PathBuf};
 
 use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
-use crate::control::axis::{Axis, Channel};
-use crate::control::design::{Design, DesignError, design};
-use crate::control::explain::{Explanation, Target, explain};
-use crate::control::law::LawTable;
-use crate::control::models::{Built, LeftOut, ModelsError, build};
-use crate::control::plant::{ModelClass, ModelSet, Plant};
-use crate::control::spec::{self, Specification};
-use crate::control::tuning::{DRIFT_GROWTH, Price, TuningError, TuningStats};
-use crate::control::verify::{
+use coaxdesign::control::axis::{Axis, Channel};
+use coaxdesign::control::design::{Design, DesignError, design};
+use coaxdesign::control::explain::{Explanation, Target, explain};
+use coaxdesign::control::law::LawTable;
+use coaxdesign::control::models::{Built, LeftOut, ModelsError, build};
+use coaxdesign::control::plant::{ModelClass, ModelSet, Plant};
+use coaxdesign::control::spec::{self, Specification};
+use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningError, TuningStats};
+use coaxdesign::control::verify::{
     Authority, BladeControl, Verdict, Verification, VerifyError, authority, verify,
 };
-use crate::problem::Problem;
-use crate::report::figures::{
+use coaxdesign::problem::Problem;
+use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
     gain_schedule_figure, heatmap_figure, nyquist_figure, sensitivity_figure,
 };
-use crate::report::plot::Figure;
-use crate::report::progress::Progress;
-use crate::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use crate::schedule::{Provenance, Schedule, hash};
-use crate::units::{Kind, System};
+use coaxdesign::report::plot::Figure;
+use coaxdesign::report::progress::Progress;
+use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::schedule::{Provenance, Schedule, hash};
+use coaxdesign::units::{Kind, System};
 
 /// Tune a gain schedule to a specification, verify it densely, and explain what is missed
 ///
@@ -369,8 +369,9 @@ impl Tune {
                         && r.design_margin_percent.is_some()
                 })
                 .min_by(|a, b| {
-                    let m =
-                        |r: &crate::control::verify::Row| r.design_margin_percent.unwrap_or(0.0);
+                    let m = |r: &coaxdesign::control::verify::Row| {
+                        r.design_margin_percent.unwrap_or(0.0)
+                    };
                     m(a).total_cmp(&m(b))
                 });
             let Some(row) = hardest else { continue };
@@ -598,8 +599,9 @@ pub(super) fn rows_table(v: &Verification, system: System, all: bool) -> Table {
 
 pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) -> String {
     let mut text = rows_table(v, system, false).to_text(coloring);
-    let count = |f: &dyn Fn(&&crate::control::verify::Row) -> bool| v.rows.iter().filter(f).count();
-    let nominal = |r: &&crate::control::verify::Row| r.class == ModelClass::Nominal;
+    let count =
+        |f: &dyn Fn(&&coaxdesign::control::verify::Row) -> bool| v.rows.iter().filter(f).count();
+    let nominal = |r: &&coaxdesign::control::verify::Row| r.class == ModelClass::Nominal;
     let verdict = |verdict: Verdict| v.stability.iter().filter(move |s| s.verdict == verdict);
     text += &format!(
         "\n{} of {} nominal rows met, {} of {} off-nominal rows met, {} of {} closed loops \
@@ -775,7 +777,7 @@ pub(super) fn left_out_text(list: &[LeftOut], system: System) -> String {
 
 /// Decibels of a factor without the last digits' noise, for labels.
 fn tidy_decibels(factor: f64) -> f64 {
-    (crate::control::metrics::decibels(factor) * 1e9).round() / 1e9
+    (coaxdesign::control::metrics::decibels(factor) * 1e9).round() / 1e9
 }
 
 /// Most speeds in one plot of loops.
@@ -799,7 +801,7 @@ pub(super) fn figures(
     verification: &Verification,
     system: System,
 ) -> Result<Vec<(String, Figure)>, CliError> {
-    use crate::control::loops::{Cut, LoopModel};
+    use coaxdesign::control::loops::{Cut, LoopModel};
     let unit = Kind::Airspeed.symbol(system);
     let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
     let mut panels = Vec::new();
@@ -856,7 +858,8 @@ pub(super) fn figures(
         decimals: 0,
     };
     out.push(("margins".to_string(), heatmap_figure("Design margin", &map)));
-    let grid: std::sync::Arc<[f64]> = crate::control::tuning::default_grid(0.02, 60.0, 500).into();
+    let grid: std::sync::Arc<[f64]> =
+        coaxdesign::control::tuning::default_grid(0.02, 60.0, 500).into();
     let mut sensitivities = Vec::new();
     for c in &spec.channels {
         let (mut loops, mut rejections) = (Vec::new(), Vec::new());
@@ -878,7 +881,7 @@ pub(super) fn figures(
             let (gains, cut) = if c.channel.is_outer() {
                 (p.gains, Cut::Channel)
             } else {
-                (crate::control::verify::inner_only(&p.gains), Cut::Effector)
+                (coaxdesign::control::verify::inner_only(&p.gains), Cut::Effector)
             };
             let values = gains[c.channel.index()].values(c.channel);
             let l = model.channel(&gains, c.channel, &[cut]);

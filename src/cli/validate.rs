@@ -8,10 +8,10 @@ use clap::Args;
 
 use super::args::OutputArgs;
 use super::{CliError, Outcome, output};
-use crate::problem::{self, Problem};
-use crate::report::table::{Cell, Column, Digits, Table};
-use crate::validation::hypotheses::{Figure, STUDIES, Study};
-use crate::validation::{self, Bound, Claim};
+use coaxdesign::problem::{self, Problem};
+use coaxdesign::report::table::{Cell, Column, Digits, Table};
+use coaxdesign::validation::hypotheses::{Figure, STUDIES, Study};
+use coaxdesign::validation::{self, Bound, Claim};
 
 /// What the numbers mean, and what was tried on those that do not fit.
 const INTRODUCTION: &str = include_str!("validate.md");

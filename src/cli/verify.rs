@@ -9,9 +9,9 @@ use super::tune::{
     verification_speeds, verify_error,
 };
 use super::{CliError, Outcome};
-use crate::control::verify::{authority, verify};
-use crate::report::table::Coloring;
-use crate::schedule::Schedule;
+use coaxdesign::control::verify::{authority, verify};
+use coaxdesign::report::table::Coloring;
+use coaxdesign::schedule::Schedule;
 
 /// Verify a gain schedule, tuned here or elsewhere, against a specification
 ///
@@ -46,7 +46,7 @@ impl Verify {
         };
         let text = std::fs::read_to_string(&path)
             .map_err(|source| CliError::Io { path: path.clone(), source })?;
-        let not_usable = |error: crate::schedule::ScheduleError| {
+        let not_usable = |error: coaxdesign::schedule::ScheduleError| {
             usage(
                 format!("{}: {error}", path.display()),
                 "a schedule is written by `coaxdesign tune-gains -o DIR`",

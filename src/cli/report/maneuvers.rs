@@ -7,12 +7,12 @@ use serde::Deserialize;
 
 use crate::cli::CliError;
 use crate::cli::tune::usage;
-use crate::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
-use crate::report::html::Section;
-use crate::report::plot::{Figure, Legend};
-use crate::report::table::{Cell, Column, Digits, Highlight, Table};
-use crate::schedule::Schedule;
-use crate::units::{Kind, System};
+use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
+use coaxdesign::report::html::Section;
+use coaxdesign::report::plot::{Figure, Legend};
+use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table};
+use coaxdesign::schedule::Schedule;
+use coaxdesign::units::{Kind, System};
 
 /// Directory of the flights in a design.
 pub(in crate::cli) const DIRECTORY: &str = "simulation";

@@ -14,31 +14,31 @@ use super::super::version;
 use super::gather::{Checked, Linear, Revolution, Study};
 use super::{Inputs, problem_hash};
 use crate::cli::{CliError, output};
-use crate::control::axis::Channel;
-use crate::control::plant::ModelClass;
-use crate::control::verify::{Row, Verdict};
-use crate::linear::frequency::{compare, log_grid};
-use crate::linear::model::{index_of, shown_per_si};
-use crate::linear::modes::{Mode, modes as modes_of};
-use crate::linear::reference::{Condition, appendix};
-use crate::linear::{LinearError, StateSpace};
-use crate::problem::{FuselageAerodynamics, Problem, Station, Wing};
-use crate::report::figures::{
+use coaxdesign::control::axis::Channel;
+use coaxdesign::control::plant::ModelClass;
+use coaxdesign::control::verify::{Row, Verdict};
+use coaxdesign::linear::frequency::{compare, log_grid};
+use coaxdesign::linear::model::{index_of, shown_per_si};
+use coaxdesign::linear::modes::{Mode, modes as modes_of};
+use coaxdesign::linear::reference::{Condition, appendix};
+use coaxdesign::linear::{LinearError, StateSpace};
+use coaxdesign::problem::{FuselageAerodynamics, Problem, Station, Wing};
+use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, EigenvalueSet, FrequencyResponse, Marks, bode_figure,
     interference_figure, orbit_figure,
 };
-use crate::report::html::Section;
-use crate::report::law::{LawLabels, closed_loop, inner_loop, outer_loop};
-use crate::report::plot::{Figure, Legend};
-use crate::report::table::{Cell, Column, Digits, Highlight, Table, decimals, significant};
-use crate::report::three_view::{
+use coaxdesign::report::html::Section;
+use coaxdesign::report::law::{LawLabels, closed_loop, inner_loop, outer_loop};
+use coaxdesign::report::plot::{Figure, Legend};
+use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table, decimals, significant};
+use coaxdesign::report::three_view::{
     BodyView, Point, RotorView, SurfaceView, VehicleView, three_view_figure,
 };
-use crate::schedule::hash;
-use crate::trim::TrimPoint;
-use crate::units::{Kind, STANDARD_GRAVITY, System};
-use crate::vehicle::frames::{about_x, about_y, body_to_hub, product};
-use crate::vehicle::summary;
+use coaxdesign::schedule::hash;
+use coaxdesign::trim::TrimPoint;
+use coaxdesign::units::{Kind, STANDARD_GRAVITY, System};
+use coaxdesign::vehicle::frames::{about_x, about_y, body_to_hub, product};
+use coaxdesign::vehicle::summary;
 
 /// Styles of interactions on and off and of published values, everywhere.
 const ON: usize = 0;
@@ -307,8 +307,8 @@ pub(super) fn vehicle(inputs: &Inputs, system: System) -> Section {
             rotor.tilt.to_degrees().into(),
             rotor.cant.to_degrees().into(),
             match rotor.direction {
-                crate::problem::Direction::CounterClockwise => "counter-clockwise",
-                crate::problem::Direction::Clockwise => "clockwise",
+                coaxdesign::problem::Direction::CounterClockwise => "counter-clockwise",
+                coaxdesign::problem::Direction::Clockwise => "clockwise",
             }
             .into(),
         ]);
@@ -344,7 +344,8 @@ fn view(problem: &Problem, system: System) -> VehicleView {
                 hub: drawn(&rotor.hub, [0.0; 3], system),
                 radius: length(rotor.radius),
                 axes: body_to_hub(rotor.cant, rotor.tilt).map(|[x, y, z]| [-x, y, -z]),
-                counter_clockwise: rotor.direction == crate::problem::Direction::CounterClockwise,
+                counter_clockwise: rotor.direction
+                    == coaxdesign::problem::Direction::CounterClockwise,
             })
             .collect(),
         surfaces: problem.wings.iter().map(|wing| surface(wing, system)).collect(),
@@ -458,7 +459,7 @@ fn hover_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> 
 // ---------------------------------------------------------------------------
 // One revolution
 
-type Pick<'a> = &'a dyn Fn(&crate::vehicle::output::Output, usize) -> f64;
+type Pick<'a> = &'a dyn Fn(&coaxdesign::vehicle::output::Output, usize) -> f64;
 
 /// What the rotors do over one revolution, and the vibration at the hubs over speed.
 pub(super) fn revolution(study: &Study, system: System) -> Section {
@@ -788,7 +789,7 @@ fn margin_figures(
     study: &Study,
     system: System,
 ) -> Result<Vec<(String, Figure)>, CliError> {
-    let empty = crate::control::verify::Verification {
+    let empty = coaxdesign::control::verify::Verification {
         schema: String::new(),
         passed: false,
         nominal_passed: false,

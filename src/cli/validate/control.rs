@@ -3,19 +3,19 @@
 use super::claim_table;
 use crate::cli::CliError;
 use crate::cli::tune::{tune, verify_error};
-use crate::control::law::LawTable;
-use crate::control::plant::ModelClass;
-use crate::control::spec::Specification;
-use crate::control::verify::{Row, Verdict, verify};
-use crate::problem::Problem;
-use crate::report::table::{Cell, Column, Digits, Table};
-use crate::simulate::flight::Autopilot;
-use crate::simulate::metrics::Meter;
-use crate::simulate::{self, Flight, maneuver};
-use crate::trim::{self, Guess};
-use crate::units::KNOT;
-use crate::validation::{Bound, Claim};
-use crate::vehicle::Vehicle;
+use coaxdesign::control::law::LawTable;
+use coaxdesign::control::plant::ModelClass;
+use coaxdesign::control::spec::Specification;
+use coaxdesign::control::verify::{Row, Verdict, verify};
+use coaxdesign::problem::Problem;
+use coaxdesign::report::table::{Cell, Column, Digits, Table};
+use coaxdesign::simulate::flight::Autopilot;
+use coaxdesign::simulate::metrics::Meter;
+use coaxdesign::simulate::{self, Flight, maneuver};
+use coaxdesign::trim::{self, Guess};
+use coaxdesign::units::KNOT;
+use coaxdesign::validation::{Bound, Claim};
+use coaxdesign::vehicle::Vehicle;
 
 /// What the paper says of its control law, and what is compared.
 pub(super) const CONTROL: &str = "\
@@ -38,7 +38,7 @@ over pitch there under the printed rigging, in the climb still sooner.
 
 /// A tuning with the built-in specification: ranges of the metrics by axis.
 pub(super) fn closed_loop(problem: &Problem, fly: bool) -> Result<String, CliError> {
-    let spec = crate::control::spec::builtin()?;
+    let spec = coaxdesign::control::spec::builtin()?;
     let tuned = tune(problem, &spec, &[], true)?;
     let verification = verify(&tuned.design.table, &tuned.built.set, &spec.hardware, &spec)
         .map_err(|error| verify_error(&error))?;

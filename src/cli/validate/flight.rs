@@ -3,12 +3,12 @@
 use super::{claim_table, verdict};
 use crate::cli::CliError;
 use crate::cli::trim::trim_all;
-use crate::problem::Problem;
-use crate::report::table::{Cell, Column, Digits, Table};
-use crate::trim::reference::{HOVER_OFF, HOVER_ON};
-use crate::trim::{FlightCondition, TrimPoint};
-use crate::units::{HORSEPOWER, KNOT, POUND_FORCE};
-use crate::validation::paper;
+use coaxdesign::problem::Problem;
+use coaxdesign::report::table::{Cell, Column, Digits, Table};
+use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::trim::{FlightCondition, TrimPoint};
+use coaxdesign::units::{HORSEPOWER, KNOT, POUND_FORCE};
+use coaxdesign::validation::paper;
 
 /// Table 2 beside ours.
 pub(super) fn hover(problem: &Problem) -> Result<String, CliError> {

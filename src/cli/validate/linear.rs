@@ -5,14 +5,16 @@ use num_complex::Complex64;
 
 use super::{claim_table, fault, verdict};
 use crate::cli::CliError;
-use crate::linear::StateSpace;
-use crate::linear::modes::{ModeName, modes};
-use crate::linear::reference::{Condition, appendix};
-use crate::problem::Problem;
-use crate::report::table::{Cell, Column, Digits, Table};
-use crate::validation::eigenvalues::pair_eigenvalues;
-use crate::validation::entries::{SMALL_DIFFERENCE, SMALLEST, agrees, is_near, judged_entries};
-use crate::validation::{LevelFlight, paper};
+use coaxdesign::linear::StateSpace;
+use coaxdesign::linear::modes::{ModeName, modes};
+use coaxdesign::linear::reference::{Condition, appendix};
+use coaxdesign::problem::Problem;
+use coaxdesign::report::table::{Cell, Column, Digits, Table};
+use coaxdesign::validation::eigenvalues::pair_eigenvalues;
+use coaxdesign::validation::entries::{
+    SMALL_DIFFERENCE, SMALLEST, agrees, is_near, judged_entries,
+};
+use coaxdesign::validation::{LevelFlight, paper};
 
 /// Everything of a problem's linear models.
 pub(super) fn linear_models(problem: &Problem) -> Result<String, CliError> {
