@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
-use super::fly::{FlyArgs, Ready, flight_error};
+use super::fly::{FlyArgs, Ready, setup_error};
 use super::output::{self, WholeFile};
 #[cfg(feature = "parquet")]
 use super::parquet::Columns;
@@ -140,16 +140,9 @@ impl Simulate {
         let ready = self.fly.ready(self.run.quiet)?;
         let system = self.units.system();
         let every = self.every()?;
-        let vehicle = ready.vehicle()?;
-        let start = ready.start(&vehicle)?;
-        let mut flight = Flight::new(
-            &vehicle,
-            &start,
-            ready.autopilot.as_ref(),
-            &ready.maneuver,
-            &ready.options,
-        )
-        .map_err(|error| flight_error(&error))?;
+        let vehicle = ready.setup.vehicle()?;
+        let start = ready.setup.start(&vehicle).map_err(setup_error)?;
+        let mut flight = ready.setup.flight(&vehicle, &start).map_err(setup_error)?;
         let mut recorder = Recorder::new(&flight);
         let mut meter = Meter::new(&flight);
         let mut stream = match (form, &self.output.output) {
@@ -256,12 +249,12 @@ fn csv_line(line: &mut String, columns: &[Column], row: &[f64], system: System) 
 
 /// The metrics with what they belong to.
 fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json, CliError> {
-    let variation = &ready.variation;
-    let options = &ready.options;
+    let variation = &ready.setup.variation;
+    let options = &ready.setup.options;
     let simulator = &flight.simulator;
     Ok(json!({
         "schema": SCHEMA,
-        "maneuver": ready.maneuver.title,
+        "maneuver": ready.setup.maneuver.title,
         "aircraft": ready.loaded.problem.name,
         "schedule": ready.schedule.as_ref().map(|s| json!({
             "name": s.name,
@@ -280,7 +273,7 @@ fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json
             "governor_s": variation.governor,
         },
         "simulation": {
-            "duration_s": ready.maneuver.duration,
+            "duration_s": ready.setup.maneuver.duration,
             "control_rate_hz": options.control_rate,
             "integration_step_s": simulator.integration_step(),
             "delay_s": simulator.delay(),
@@ -292,19 +285,11 @@ fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json
 }
 
 fn history(kept: &Kept) -> Json {
+    // Rows are SI and radians throughout.
+    let unit = |kind: Kind| if kind == Kind::Dimensionless { "-" } else { kind.coherent() };
     let columns: Vec<Json> =
-        kept.columns.iter().map(|c| json!({ "name": c.name, "unit": si_unit(c.kind) })).collect();
+        kept.columns.iter().map(|c| json!({ "name": c.name, "unit": unit(c.kind) })).collect();
     json!({ "columns": columns, "rows": kept.rows })
-}
-
-/// Rows of the JSON history are SI and radians throughout.
-fn si_unit(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Angle => "rad",
-        Kind::AngularRate => "rad/s",
-        Kind::Power => "W",
-        other => other.symbol(System::Si),
-    }
 }
 
 /// Kinds in which tracking errors are shown.
@@ -369,7 +354,7 @@ fn actuator_table(metrics: &Metrics) -> Table {
 
 fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) -> String {
     let end = &metrics.end;
-    let mut text = format!("{}: ", ready.maneuver.title);
+    let mut text = format!("{}: ", ready.setup.maneuver.title);
     text += &match (&end.state, end.value, end.bound) {
         (Some(state), Some(value), Some(bound)) => format!(
             "{} at {:.2} s: {state} passed {bound:.4} (SI; it was {value:.4})\n",
@@ -546,7 +531,7 @@ fn figure(
             panels.extend(panel(&name.replace('_', " "), 2.0, &[("flown", name)]));
         }
     }
-    let mut figure = time_history_figure(&ready.maneuver.title, 2, &panels);
+    let mut figure = time_history_figure(&ready.setup.maneuver.title, 2, &panels);
     if let Some(departure) = status.departure() {
         figure = figure.subtitle(&format!(
             "{}: {} left its bounds at {:.2} s",

@@ -10,6 +10,7 @@
 //! * [`metrics`]: what a flight amounts to.
 //! * [`identify`]: frequency responses measured in flight.
 //! * [`steps`]: small steps, flown and predicted.
+//! * [`setup`]: a flight made ready, from problem, law and manoeuvre.
 //! * [`montecarlo`]: many flights with the aircraft and the air varied.
 
 pub mod equipment;
@@ -19,6 +20,7 @@ pub mod maneuver;
 pub mod metrics;
 pub mod montecarlo;
 pub mod record;
+pub mod setup;
 pub mod simulator;
 pub mod steps;
 pub mod wind;
@@ -27,4 +29,5 @@ pub use flight::{Flight, Status};
 pub use maneuver::Maneuver;
 pub use metrics::Metrics;
 pub use record::Recorder;
+pub use setup::Setup;
 pub use simulator::{Departure, Options, SimulationError, Simulator};
