@@ -39,14 +39,13 @@ def test_stubs_name_what_the_library_has() -> None:
     stubs: dict[str, set[str]] = {}
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
-            methods = (item.name for item in node.body if isinstance(item, ast.FunctionDef))
-            stubs[node.name] = set(methods)
+            stubs[node.name] = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
         elif isinstance(node, ast.FunctionDef):
             stubs[node.name] = set()
     there = {name for name in vars(_core) if not name.startswith("_")}
     assert there == set(stubs)
     for name, methods in stubs.items():
         if methods:
-            known = {item for item in vars(getattr(_core, name)) if not item.startswith("_")}
-            assert known == methods, name
+            members = {item for item in vars(getattr(_core, name)) if not item.startswith("_")}
+            assert members == methods, name
     assert (package / "py.typed").exists()
