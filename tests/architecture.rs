@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 12] = [
+const STREET: [&str; 13] = [
     "units",
     "numerics",
     "problem",
     "vehicle",
     "trim",
     "linear",
+    "lti",
     "control",
     "schedule",
     "simulate",
