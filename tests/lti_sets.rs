@@ -3,11 +3,14 @@
 use coaxdesign::control::models::from_set;
 use coaxdesign::control::spec;
 use coaxdesign::linear::dense::eigenvalues;
+use coaxdesign::linear::io::ModelRecord;
+use coaxdesign::linear::io::{MatFile, set_to_json, set_to_mat, to_csv};
 use coaxdesign::linear::reference::{Condition, appendix};
+use coaxdesign::linear::set::{ModelSet, TrimValues};
 use coaxdesign::lti::mapping::{Mapping, MissingTrim};
 use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::lti::{LtiSet, load};
-use coaxdesign::units::KNOT;
+use coaxdesign::units::{KNOT, System};
 use std::path::{Path, PathBuf};
 
 fn example(name: &str) -> PathBuf {
@@ -269,4 +272,257 @@ fn wrong_sets_are_refused_in_the_users_terms() {
     // Nothing there.
     let report = load(Path::new("no-such-set"), &Mapping::default()).unwrap_err();
     assert!(report.unreadable);
+}
+
+/// The example as a set of our own, with trims.
+fn own_set() -> ModelSet {
+    let set = uh60a();
+    let trims = set.models.iter().map(|m| {
+        let t = &m.trim;
+        let [u, v, w] = t.velocity_body;
+        TrimValues {
+            states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
+            inputs: t.sticks.to_vec(),
+        }
+    });
+    let models = set.models.iter().map(|m| {
+        // As `linearize` writes it: outputs are the states.
+        let m = &m.model;
+        coaxdesign::linear::StateSpace::with_state_outputs(
+            m.states().to_vec(),
+            m.inputs().to_vec(),
+            m.a().clone(),
+            m.b().clone(),
+        )
+        .unwrap()
+    });
+    ModelSet::new(None, set.speeds(), models.collect())
+        .and_then(|own| own.with_trims(trims.collect()))
+        .unwrap()
+}
+
+fn near(found: &LtiSet, wanted: &LtiSet) {
+    assert_eq!(found.models.len(), wanted.models.len());
+    for (f, w) in found.models.iter().zip(&wanted.models) {
+        assert!((f.speed - w.speed).abs() < 1e-9);
+        assert!((f.model.a() - w.model.a()).amax() < 1e-12, "{}", f.label);
+        assert!((f.model.b() - w.model.b()).amax() < 1e-13);
+        assert!((f.trim.pitch - w.trim.pitch).abs() < 1e-14);
+        let pairs = f.trim.velocity_body.iter().zip(w.trim.velocity_body);
+        assert!(pairs.into_iter().all(|(f, w)| (f - w).abs() < 1e-11));
+        assert_eq!(f.trim.sticks, w.trim.sticks);
+    }
+}
+
+/// JSON, MAT and CSV that we write are read back, in both systems of units.
+#[test]
+fn every_form_holds_the_same_set() {
+    let (wanted, own) = (uh60a(), own_set());
+    let directory = tempfile::tempdir().unwrap();
+    for (name, system) in [("us", System::Us), ("si", System::Si)] {
+        let read = |extension: &str, bytes: &[u8]| {
+            let path = directory.path().join(format!("{name}.{extension}"));
+            std::fs::write(&path, bytes).unwrap();
+            load(&path, &Mapping::default()).unwrap_or_else(|r| panic!("{r}"))
+        };
+        near(&read("json", set_to_json(&own, system).as_bytes()), &wanted);
+        near(&read("mat", &set_to_mat(&own, system)), &wanted);
+        let mut text = String::new();
+        for (k, (speed, model)) in own.speeds().iter().zip(own.models()).enumerate() {
+            let record = ModelRecord {
+                speed: *speed,
+                interactions: None,
+                model: model.clone(),
+                trim: own.trims().map(|t| t[k].clone()),
+            };
+            let one = to_csv(&record, system).unwrap();
+            text += if k == 0 { &one } else { one.split_once('\n').unwrap().1 };
+        }
+        near(&read("csv", text.as_bytes()), &wanted);
+    }
+}
+
+/// Speeds of a file must grow, and each but once.
+#[test]
+fn speeds_out_of_order_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("set.json");
+    let text = set_to_json(&own_set(), System::Us);
+    for (to, message) in [("130.0", "is below that of model 3"), ("60.0", "equals that of")] {
+        std::fs::write(
+            &path,
+            text.replacen("\"speed_kt\": 40.0", &format!("\"speed_kt\": {to}"), 1),
+        )
+        .unwrap();
+        let error = load(&path, &Mapping::default()).unwrap_err().to_string();
+        assert!(error.contains("model 4 (60 kt)") && error.contains(message), "{error}");
+    }
+}
+
+/// Faults of JSON and MAT files.
+#[test]
+fn damaged_files_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = |name: &str, bytes: &[u8]| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        load(&path, &Mapping::default()).unwrap_err().to_string()
+    };
+    let text = set_to_json(&own_set(), System::Us);
+    let of = |from: &str, to: &str| {
+        let changed = text.replacen(from, to, 1);
+        assert_ne!(changed, text, "{from}");
+        error("set.json", changed.as_bytes())
+    };
+    assert!(of("lti-set/1", "lti-set/9").contains("coaxdesign.lti-set/1"));
+    assert!(of("\"a\"", "\"A\"").contains("unknown field `A`"));
+    assert!(of("-0.0124, ", "").contains("\"a\" has 7 entries in row 1"));
+    assert!(of("\"x0\": [", "\"x0\": [0.0, ").contains("9 trim values stand beside 8 states"));
+    assert!(error("set.json", b"{").contains("set.json:1:"));
+    assert!(error("set.txt", b"x").contains("no form of a set"));
+    assert!(error("set.mat", b"x").contains("level 5"));
+    let mut empty = MatFile::new();
+    empty.text("sys", "an ss object");
+    assert!(error("set.mat", &empty.into_bytes()).contains("ssdata"));
+    let mut nameless = MatFile::new();
+    nameless.array("A", &[1, 1], &[-1.0]);
+    nameless.array("B", &[1, 1], &[1.0]);
+    nameless.array("speed_kt", &[1, 1], &[0.0]);
+    assert!(error("set.mat", &nameless.into_bytes()).contains("save state_names"));
+}
+
+/// A model in other coordinates, its motion in the outputs, with a delayed
+/// stick and one in inches: the same responses.
+#[test]
+fn outputs_delays_and_inches() {
+    use nalgebra::DMatrix;
+    use num_complex::Complex64 as C;
+    let set = uh60a();
+    let wanted = &set.models[3].model;
+    let names = ["u", "v", "w", "p", "q", "r", "phi", "theta"];
+    // x = T z with a well-conditioned T.
+    let t = DMatrix::from_fn(
+        8,
+        8,
+        |i, j| {
+            if i == j { 2.0 } else { 0.3 * ((3 * i + 5 * j) as f64).sin() }
+        },
+    );
+    let inverse = t.clone().try_inverse().unwrap();
+    let (a, b) = (&inverse * wanted.a() * &t, &inverse * wanted.b());
+    let rows = |m: &DMatrix<f64>| -> String {
+        let lines: Vec<String> = m
+            .row_iter()
+            .map(|r| format!("[{}]", r.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")))
+            .collect();
+        format!("[{}]", lines.join(", "))
+    };
+    let mut b_inches = b.clone();
+    // Ten inches of travel: an inch moves ten times as much as a per cent.
+    b_inches.column_mut(1).scale_mut(10.0);
+    let units = ["m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s", "rad", "rad"];
+    let outputs: Vec<String> = names
+        .iter()
+        .zip(units)
+        .map(|(n, u)| format!("{{\"name\": \"{n}\", \"unit\": \"{u}\"}}"))
+        .collect();
+    let states: Vec<String> = (1..=8).map(|k| format!("{{\"name\": \"x{k}\"}}")).collect();
+    let text = format!(
+        r#"{{"schema": "coaxdesign.lti-set/1", "name": "abstract",
+        "states": [{}],
+        "inputs": [{{"name": "lat", "unit": "%", "delay_s": 0.03}}, {{"name": "lon", "unit": "in"}},
+                   {{"name": "col", "unit": "%"}}, {{"name": "ped", "unit": "%"}}],
+        "outputs": [{}],
+        "models": [{{"speed": "60 kt", "a": {}, "b": {}, "c": {}}}]}}"#,
+        states.join(", "),
+        outputs.join(", "),
+        rows(&a),
+        rows(&b_inches),
+        rows(&t),
+    );
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("abstract.json");
+    std::fs::write(&path, &text).unwrap();
+    let error = load(&path, &level_flight()).unwrap_err().to_string();
+    assert!(error.contains("lon = \"10 in\" under [models_from.travel]"), "{error}");
+    let mut mapping = level_flight();
+    mapping.travel[1] = Some("10 in".into());
+    let found = load(&path, &mapping).unwrap_or_else(|r| panic!("{r}"));
+    let found = &found.models[0];
+    let response = |m: &coaxdesign::linear::StateSpace, omega: f64| -> DMatrix<C> {
+        let n = m.states().len();
+        let s =
+            DMatrix::from_fn(n, n, |i, j| C::new(-m.a()[(i, j)], if i == j { omega } else { 0.0 }));
+        let x = s.lu().solve(&m.b().map(|v| C::new(v, 0.0))).unwrap();
+        x.rows(0, 8).into_owned()
+    };
+    for omega in [0.3, 2.0, 15.0] {
+        let (f, w) = (response(&found.model, omega), response(wanted, omega));
+        let late = C::from_polar(1.0, -omega * 0.03);
+        for i in 0..8 {
+            for j in 0..4 {
+                let w = w[(i, j)] * if j == 0 { late } else { C::new(1.0, 0.0) };
+                assert!((f[(i, j)] - w).norm() < 1e-6 * w.norm().max(1e-6), "{omega} {i} {j}");
+            }
+        }
+    }
+}
+
+/// An unstable mode that no stick reaches is no model to fly.
+#[test]
+fn hidden_unstable_modes_are_refused() {
+    let good = std::fs::read_to_string(example("uh60a/060kt.csv")).unwrap();
+    let mut lines: Vec<String> = good.lines().map(str::to_owned).collect();
+    for line in &mut lines {
+        let cell = |value: &str| line.replacen(",p,", &format!(",{value},p,"), 1);
+        *line = match line.split(',').next() {
+            Some("row") => cell("x"),
+            Some("unit") => line.replacen("ft/s,rad/s", "ft/s,-,rad/s", 1),
+            Some("trim") => line.replacen(",0,0,0,", ",0,0,0,0,", 1),
+            Some("u" | "v" | "w" | "p" | "q" | "r") => {
+                let mut cells: Vec<&str> = line.split(',').collect();
+                cells.insert(4, "0.01");
+                cells.join(",")
+            }
+            _ => line.clone(),
+        };
+    }
+    lines.push("x,0,0,0,0.7,0,0,0,0,0,0,0,0,0".into());
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("hidden.csv");
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let error = load(&path, &Mapping::default()).unwrap_err().to_string();
+    assert!(error.contains("the sticks cannot move the unstable mode at 0.7000"), "{error}");
+    // A stable one is only a state more.
+    lines.pop();
+    lines.push("x,0,0,0,-0.7,0,0,0,0,0,0,0,0,0".into());
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let set = load(&path, &Mapping::default()).unwrap_or_else(|r| panic!("{r}"));
+    assert_eq!(set.models[0].model.states().len(), 9);
+}
+
+/// A model of rates alone: attitudes are their integrals, and its trim is said.
+#[test]
+fn attitudes_are_integrated_from_rates() {
+    let good = std::fs::read_to_string(example("uh60a/060kt.csv")).unwrap();
+    let kept: Vec<String> = good
+        .lines()
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            if cells.len() < 13 {
+                return line.to_owned();
+            }
+            [&cells[..7], &cells[9..]].concat().join(",")
+        })
+        .collect();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("rates.csv");
+    std::fs::write(&path, kept.join("\n")).unwrap();
+    let set = load(&path, &level_flight()).unwrap_or_else(|r| panic!("{r}"));
+    let model = &set.models[0].model;
+    assert_eq!(model.state_names()[6..], ["phi", "theta"]);
+    assert_eq!(model.derivative("phi", "p").unwrap(), 1.0);
+    assert_eq!(model.derivative("theta", "q").unwrap(), 1.0);
+    assert!(model.a().column(7).iter().all(|x| *x == 0.0));
+    assert!(set.notes.iter().any(|n| n.contains("theta is not in the models")), "{:?}", set.notes);
 }

@@ -282,6 +282,59 @@ mod tests {
         assert_eq!(read["cells"], Variable::Texts(vec!["a".into(), String::new(), "b c".into()]));
     }
 
+    /// Tag, data and padding.
+    fn put(out: &mut Vec<u8>, tag: u32, data: &[u8]) {
+        out.extend(tag.to_le_bytes());
+        out.extend((data.len() as u32).to_le_bytes());
+        out.extend(data);
+        out.resize(out.len().next_multiple_of(8), 0);
+    }
+
+    /// Flags, sizes and name of an array, by the format's description.
+    fn head(class: u8, name: &str, sizes: &[i32]) -> Vec<u8> {
+        let mut out = Vec::new();
+        put(&mut out, 6, &[class, 0, 0, 0, 0, 0, 0, 0]);
+        let sizes: Vec<u8> = sizes.iter().flat_map(|s| s.to_le_bytes()).collect();
+        put(&mut out, kind::INT32, &sizes);
+        put(&mut out, kind::INT8, name.as_bytes());
+        out
+    }
+
+    fn scalar(value: f64) -> Vec<u8> {
+        let mut out = head(6, "", &[1, 1]);
+        put(&mut out, kind::DOUBLE, &value.to_le_bytes());
+        out
+    }
+
+    /// A struct array, a cell of matrices and a matrix of characters, as MATLAB
+    /// writes them.
+    #[test]
+    fn structs_cells_and_character_matrices() {
+        let mut file = MatFile::new().into_bytes();
+        let mut body = head(kind::STRUCT_CLASS, "s", &[1, 2]);
+        put(&mut body, kind::INT32, &8_i32.to_le_bytes());
+        put(&mut body, kind::INT8, b"a\0\0\0\0\0\0\0bee\0\0\0\0\0");
+        for value in [1.0, 2.0, 3.0, 4.0] {
+            put(&mut body, kind::MATRIX, &scalar(value));
+        }
+        put(&mut file, kind::MATRIX, &body);
+        let mut body = head(kind::CELL_CLASS, "c", &[2, 1]);
+        put(&mut body, kind::MATRIX, &scalar(5.0));
+        put(&mut body, kind::MATRIX, &[]);
+        put(&mut file, kind::MATRIX, &body);
+        let mut body = head(kind::CHAR_CLASS, "t", &[2, 3]);
+        put(&mut body, kind::UINT8, b"abc  d");
+        put(&mut file, kind::MATRIX, &body);
+        let all = read(&file).unwrap();
+        let number = |value: f64| Variable::Numbers { dimensions: vec![1, 1], values: vec![value] };
+        let Variable::Structs(elements) = &all["s"] else { panic!("{:?}", all["s"]) };
+        assert_eq!(elements.len(), 2);
+        assert_eq!((&elements[0]["a"], &elements[0]["bee"]), (&number(1.0), &number(2.0)));
+        assert_eq!((&elements[1]["a"], &elements[1]["bee"]), (&number(3.0), &number(4.0)));
+        assert_eq!(all["c"], Variable::Cells(vec![Some(number(5.0)), None]));
+        assert_eq!(all["t"], Variable::Texts(vec!["ac".into(), "b d".into()]));
+    }
+
     /// Damage anywhere is an error or a file of fewer variables, never a panic.
     #[test]
     fn damaged_files_do_not_panic() {

@@ -447,8 +447,8 @@ impl Stitched {
         let n = self.order();
         work.air.copy_from_slice(&x[..n]);
         let arm = self.old_center;
-        for k in 0..3 {
-            work.air[P + k] -= wind_rate[k];
+        for (k, rate) in wind_rate.into_iter().enumerate() {
+            work.air[P + k] -= rate;
         }
         let turn = Vector3::new(work.air[P], work.air[P + 1], work.air[P + 2]).cross(&arm);
         for k in 0..3 {
@@ -457,23 +457,21 @@ impl Stitched {
         self.look(work.air[U], work);
         work.off.copy_from(&work.air);
         work.off -= &work.state;
-        for k in 0..INPUTS {
-            work.moved[k] = sticks[k] - work.sticks[k];
+        for (k, stick) in sticks.iter().enumerate() {
+            work.moved[k] = stick - work.sticks[k];
         }
         let mut trimmed = [0.0; RIGID];
         kinematics(work.state.as_slice(), None, &mut trimmed);
         work.force.gemv(1.0, &work.rest, &work.off, 0.0);
         work.force.gemv(1.0, &work.b, &work.moved, 1.0);
-        for k in 0..RIGID {
-            work.force[k] -= trimmed[k];
+        for (force, trimmed) in work.force.iter_mut().zip(trimmed) {
+            *force -= trimmed;
         }
         self.to_new_mass(work.force.as_mut_slice());
         kinematics(x, self.inertia.as_ref(), rates);
-        for k in RIGID..n {
-            rates[k] = 0.0;
-        }
-        for k in 0..n {
-            rates[k] += work.force[k];
+        rates[RIGID..n].fill(0.0);
+        for (rate, force) in rates.iter_mut().zip(&work.force) {
+            *rate += force;
         }
     }
 
@@ -774,8 +772,8 @@ fn slopes(
         .map(|k| k < RIGID || models.iter().all(|m| m.inner_trim[k - RIGID].is_some()))
         .collect();
     for (node, model) in nodes.iter_mut().zip(models) {
-        for k in RIGID..n {
-            node.state[k] = if known[k] { model.inner_trim[k - RIGID].unwrap_or(0.0) } else { 0.0 };
+        for (k, trim) in model.inner_trim.iter().enumerate() {
+            node.state[RIGID + k] = trim.filter(|_| known[RIGID + k]).unwrap_or(0.0);
         }
     }
     let mut out = Vec::new();
