@@ -182,6 +182,9 @@ fn matrix(body: &[u8], depth: usize) -> Result<Option<(String, Variable)>, MatEr
             }
             // A matrix of characters, the first index running fastest.
             let all: Vec<char> = text.chars().collect();
+            if all.len() != count {
+                return Err(MatError::Damaged(at));
+            }
             let row = |i: usize| -> String { all.iter().skip(i).step_by(rows).collect() };
             let texts = (0..rows).map(|i| row(i).trim_end().to_owned()).collect();
             Ok(Some((name, Variable::Texts(texts))))
