@@ -235,10 +235,12 @@ impl Reader<'_> {
             CheckedTable { path: path.into(), place: place.clone(), entries: HashMap::new() };
         let unknown = entries.iter().filter(|entry| table.key(&entry.name).is_none());
         for (index, entry) in unknown.enumerate() {
-            let help = if index < MOST_PROPOSALS {
-                nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys")
-            } else {
-                String::new()
+            let nearest =
+                || nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys");
+            let help = match table.moved(&entry.name) {
+                Some(help) => help.to_owned(),
+                None if index < MOST_PROPOSALS => nearest(),
+                None => String::new(),
             };
             self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
         }
