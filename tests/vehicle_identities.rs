@@ -361,6 +361,7 @@ fn period_of_rotors_of_different_speeds() {
     for (a, b) in here.iter().zip(&there) {
         assert!((a - b).abs() < 1e-11 * a.abs().max(1.0));
     }
+    // Teetering rotors are always resolved.
     assert!(matches!(
         with_ratio(std::f64::consts::SQRT_2),
         Err(VehicleError::NoCommonPeriod { .. })

@@ -7,10 +7,11 @@ use super::args::{ProblemArgs, UnitsArgs};
 use super::error::color;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{
-    Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow, Problem, STICKS,
-    Spanwise, Station, TotalInflow, Wash, WingModel,
+    AzimuthModel, Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow,
+    Problem, STICKS, Spanwise, Station, TotalInflow, Wash, WingModel,
 };
 use coaxdesign::units::{Kind, System};
+use coaxdesign::vehicle::azimuth::Turning;
 use coaxdesign::vehicle::{Vehicle, summary};
 
 /// Digits that are shown; JSON has them all.
@@ -248,6 +249,14 @@ fn rotors(problem: &Problem) -> Section {
     section.row("solidity", "solidity", one, &bodies, |(_, s)| number(s.solidity));
     section.row("disk_area", "disk area", Kind::Area, &bodies, |(_, s)| number(s.disk_area));
     section.row("speed", "speed", Kind::AngularRateRad, &bodies, |(r, _)| number(r.speed));
+    let turning = Turning::of(problem).ok();
+    let models = (0..bodies.len()).map(|k| turning.as_ref().map(|turning| turning.models[k]));
+    section.row("azimuth", "azimuth", one, &models.collect::<Vec<_>>(), |model| {
+        text(match model.as_ref()? {
+            AzimuthModel::Resolved => "resolved",
+            AzimuthModel::Averaged => "averaged",
+        })
+    });
     section.row("tip_speed", "tip speed", Kind::Velocity, &bodies, |(_, s)| number(s.tip_speed));
     section.row("tip_mach", "tip Mach number in hover", one, &bodies, |(_, s)| number(s.tip_mach));
     section.row(

@@ -220,6 +220,13 @@ fn rotor(
             "write blades = 2, or hub = \"rigid\"".into(),
         );
     }
+    if hub == Some("teetering") && table.choice("azimuth") == Some("averaged") {
+        fault(
+            "azimuth",
+            "a teetering rotor is resolved in azimuth".into(),
+            "remove it, or write hub = \"rigid\"".into(),
+        );
+    }
     if let (Some(cutout), Some(tip)) = (table.number("root_cutout"), table.number("tip_loss"))
         && cutout >= tip
     {
@@ -304,6 +311,10 @@ fn rotor(
         speed: table.number("speed")?,
         azimuth_offset: table.number("azimuth_offset")?,
         governor,
+        azimuth: table.choice("azimuth").map(|word| match word {
+            "averaged" => AzimuthModel::Averaged,
+            _ => AzimuthModel::Resolved,
+        }),
     })
 }
 

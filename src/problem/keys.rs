@@ -484,6 +484,24 @@ static ROTOR: Table = Table {
             "the speed is held exactly",
             "Rotor-speed governor; makes the speed a state.",
         ),
+        optional(
+            "azimuth",
+            Value::Choice(&[
+                (
+                    "resolved",
+                    "its blades stand where they stand, and the flight repeats itself \
+                              with their passages",
+                ),
+                (
+                    "averaged",
+                    "its loads are their means over all azimuths at each instant, as if \
+                              its blades were many, at any speed",
+                ),
+            ]),
+            "resolved where the flight then repeats itself within four blade passages of the \
+             slowest rotor, else averaged",
+            "How the turn of the rotor enters the dynamics.",
+        ),
     ],
     alternatives: &[],
 };

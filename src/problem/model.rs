@@ -256,6 +256,20 @@ pub struct Rotor {
     pub azimuth_offset: f64,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
+    /// How its turn enters the dynamics; none leaves the choice to the ratio of
+    /// its speed to that of the slowest rotor.
+    pub azimuth: Option<AzimuthModel>,
+}
+
+/// How the turn of a rotor enters the dynamics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AzimuthModel {
+    /// Its blades stand where they stand: the dynamics are periodic with its
+    /// blade passages.
+    Resolved,
+    /// Its loads are their means over all azimuths at each instant, as if its
+    /// blades were many: it has no period of its own.
+    Averaged,
 }
 
 /// Equation of the teeter motion.

@@ -577,7 +577,9 @@ fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
         }
         if let Some(start) = places.speed {
             bounds[start] = [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)];
-            bounds[start + 1] = within(f64::MAX);
+        }
+        if let Some(place) = places.azimuth {
+            bounds[place] = within(f64::MAX);
         }
     }
     bounds.extend([within(f64::MAX); NAVIGATION]);

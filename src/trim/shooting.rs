@@ -13,7 +13,7 @@ use std::cell::RefCell;
 
 /// Tangents carried in one pass of the Jacobian; larger systems take several.
 const WIDTH: usize = 28;
-/// Most steps a period of the Jacobian. It steers the solver and is no result:
+/// Most steps a blade passage of the Jacobian. It steers the solver and is no result:
 /// with this many steps it is right to about 1e-4, and every iteration still
 /// gains that factor.
 const JACOBIAN_STEPS: usize = 24;
@@ -88,13 +88,15 @@ impl<'a> Shooting<'a> {
             if let Some(start) = places.speed {
                 fixed[start] = rotor.speed;
                 held[start] = true;
-                held[start + 1] = true;
+            }
+            if let Some(place) = places.azimuth {
+                held[place] = true;
             }
         }
         let free: Vec<usize> = (0..vehicle.state_count()).filter(|&k| !held[k]).collect();
         let mut scales: Vec<f64> = free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
         scales.extend(stick_scales(vehicle));
-        let jacobian_steps = steps.min(JACOBIAN_STEPS);
+        let jacobian_steps = steps.min(JACOBIAN_STEPS * vehicle.passages);
         let last = RefCell::new(None);
         Self { vehicle, condition, method, steps, jacobian_steps, free, fixed, scales, last }
     }

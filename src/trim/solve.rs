@@ -21,9 +21,10 @@ pub struct Options {
     /// length of the step, relative to the unknown or, where that is small, to
     /// its scale: the error test that chooses the step.
     pub step_tolerance: f64,
-    /// Steps a period to begin with.
+    /// Steps to begin with, for each blade passage of the slowest resolved rotor
+    /// in a period; where no rotor is resolved fewer serve.
     pub steps: usize,
-    /// Most steps a period.
+    /// Most steps, likewise.
     pub most_steps: usize,
     /// Most iterations of one solve.
     pub max_iterations: usize,
@@ -44,7 +45,9 @@ impl Default for Options {
     }
 }
 
-/// Steps a period of the solve that comes before a finer one.
+/// Steps over a period at least, enough where the dynamics do not vary with it.
+const STEADY_STEPS: usize = 4;
+/// Steps a blade passage of the solve that comes before a finer one.
 const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
 /// what the coarse step is right to.
@@ -367,7 +370,13 @@ pub fn trim(
     guess: &Guess,
     options: &Options,
 ) -> TrimPoint {
-    let mut steps = guess.steps.unwrap_or(options.steps).max(4);
+    let options = &Options {
+        steps: if vehicle.is_steady() { STEADY_STEPS } else { options.steps * vehicle.passages },
+        most_steps: options.most_steps * vehicle.passages,
+        ..options.clone()
+    };
+    let coarse_steps = COARSE_STEPS * vehicle.passages;
+    let mut steps = guess.steps.unwrap_or(options.steps).max(STEADY_STEPS);
     let mut iterations = 0;
     let mut history = Vec::new();
     let mut start = (guess.state.clone(), guess.sticks);
@@ -400,8 +409,8 @@ pub fn trim(
             "trim: the step is refined"
         );
     };
-    if steps > COARSE_STEPS {
-        let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
+    if steps > coarse_steps {
+        let shooting = Shooting::new(vehicle, condition, options.method, coarse_steps);
         let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
         if let Ok(solution) = solve(&shooting, &start, jacobian.as_ref(), tolerance)
             && solution.converged()
@@ -414,7 +423,7 @@ pub fn trim(
             {
                 let corrected = &solution.x + shift;
                 start = shooting.unpack(&corrected);
-                coarser = Some((COARSE_STEPS, corrected));
+                coarser = Some((coarse_steps, corrected));
             } else {
                 start = shooting.unpack(&solution.x);
             }

@@ -40,8 +40,11 @@ pub struct RotorStates {
     pub self_inflow: usize,
     /// λ_0, λ_1c, λ_1s; none where total inflow is algebraic.
     pub total_inflow: Option<usize>,
-    /// Ω and the azimuth's lead over nominal; none where speed is held.
+    /// Ω; none where speed is held.
     pub speed: Option<usize>,
+    /// The azimuth's lead over nominal; none where speed is held, or the rotor
+    /// is averaged over its azimuth.
+    pub azimuth: Option<usize>,
     /// θ_0, θ_1c, θ_1s, and Ω_cmd where the speed is governed.
     pub effectors: usize,
 }
@@ -101,6 +104,10 @@ impl Layout {
             let speed = rotor.governor_time_constant.map(|_| {
                 let start = states.len();
                 push(&mut states, name("omega"), Kind::AngularRateRad, 1.0);
+                start
+            });
+            let azimuth = (speed.is_some() && !rotor.is_averaged()).then(|| {
+                let start = states.len();
                 push(&mut states, name("azimuth"), Kind::AngleRad, 0.1);
                 start
             });
@@ -116,6 +123,7 @@ impl Layout {
                 self_inflow,
                 total_inflow,
                 speed,
+                azimuth,
                 effectors: first_effector,
             });
         }

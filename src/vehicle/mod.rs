@@ -13,6 +13,7 @@
 
 pub mod airfoil;
 pub mod atmosphere;
+pub mod azimuth;
 pub mod frames;
 pub mod fuselage;
 pub mod inflow;
@@ -24,9 +25,10 @@ pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
-use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
+use crate::problem::{AzimuthModel, Controls, InflowOptions, MassFlow, Problem, TotalInflow};
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
+use azimuth::Turning;
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
@@ -36,10 +38,6 @@ use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
 use wing::{UnwashedLoads, Wing};
 
-/// Most blade passages within which rotors must come round together.
-const LONGEST_PERIOD: usize = 240;
-/// How near to a whole number of blade passages counts as whole.
-const PERIOD_TOLERANCE: f64 = 1e-9;
 /// Change of uniform inflow at which the algebraic loop is closed.
 const LOOP_TOLERANCE: f64 = 1e-14;
 /// Rounds of the algebraic loop between mass flow and interference.
@@ -48,15 +46,29 @@ const LOOP_ROUNDS: usize = 60;
 /// Why a checked problem makes no vehicle.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum VehicleError {
-    /// Rotor speeds have no common period.
+    /// The speeds of rotors that are to be resolved have no common period.
     #[error(
-        "the rotors never come round together: no time up to {passages} blade passages of the \
-         slowest is a whole number of passages of every rotor; choose rotor speeds in the ratio of \
-         small whole numbers"
+        "the rotors `{rotors}` are to be resolved in azimuth but never come round together: no time \
+         up to {passages} blade passages of the slowest is a whole number of passages of each; \
+         choose speeds in the ratio of small whole numbers, or write azimuth = \"averaged\" for some"
     )]
     NoCommonPeriod {
+        /// Names of the rotors.
+        rotors: String,
         /// Longest period tried, in passages of the slowest rotor.
         passages: usize,
+    },
+    /// The blades of an averaged rotor meet so much that changes over a turn
+    /// that no number of azimuths gives their mean.
+    #[error(
+        "rotor `{rotor}`: {azimuths} azimuths are too few for the mean of its loads, which change \
+         abruptly over a turn; check its airfoil"
+    )]
+    Averaging {
+        /// Rotor.
+        rotor: String,
+        /// Most azimuths tried.
+        azimuths: usize,
     },
     /// An airfoil table cannot be interpolated.
     #[error("airfoil of `{of}`: {source}")]
@@ -122,10 +134,14 @@ pub struct Vehicle {
     pub inflow: InflowOptions,
     /// Names and places of states and effectors.
     pub layout: Layout,
-    /// Speed of the slowest rotor, rad/s: the reference azimuth turns with it.
+    /// Speed of the slowest resolved rotor, rad/s: the reference azimuth turns
+    /// with it.
     pub reference_speed: f64,
-    /// Period of the dynamics, s.
+    /// Period of the dynamics, s. Where no rotor is resolved the dynamics do not
+    /// vary with time, and this is a time like any other.
     pub period: f64,
+    /// Blade passages of the slowest resolved rotor in a period.
+    pub passages: usize,
     /// Factor on the inflow that rotors induce in one another, 1: for studies
     /// of how much hangs on it.
     pub interference_gain: f64,
@@ -176,10 +192,15 @@ impl Vehicle {
     pub fn new(problem: &Problem) -> Result<Self, VehicleError> {
         let air = Air::at(&problem.atmosphere);
         let cg = &problem.mass.center_of_gravity;
+        let Turning { models, reference_speed, period, passages } = Turning::of(problem)?;
         let rotors: Vec<Rotor> = problem
             .rotors
             .iter()
-            .map(|rotor| Rotor::new(rotor, cg, &air))
+            .zip(models)
+            .map(|(rotor, model)| match model {
+                AzimuthModel::Resolved => Rotor::new(rotor, cg, &air),
+                AzimuthModel::Averaged => Rotor::averaged(rotor, cg, &air),
+            })
             .collect::<Result<_, _>>()?;
         let wings: Vec<Wing> =
             problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
@@ -188,7 +209,6 @@ impl Vehicle {
         let m = &problem.mass;
         let inertia =
             [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
-        let (reference_speed, period) = common_period(&rotors)?;
         let layout = Layout::new(&rotors, &problem.inflow);
         let mut vehicle = Self {
             name: problem.name.clone(),
@@ -203,6 +223,7 @@ impl Vehicle {
             layout,
             reference_speed,
             period,
+            passages,
             interference_gain: 1.0,
             interference: Vec::new(),
             fuselage_wash: Vec::new(),
@@ -311,6 +332,12 @@ impl Vehicle {
             })
             .collect::<Result<_, _>>()?;
         Ok(())
+    }
+
+    /// Whether no rotor is resolved in azimuth, so that a trim is a steady point.
+    #[must_use]
+    pub fn is_steady(&self) -> bool {
+        self.rotors.iter().all(Rotor::is_averaged)
     }
 
     /// Number of states.
@@ -526,7 +553,9 @@ impl Vehicle {
             }
             if let Some(start) = places.speed {
                 rates[start] = shaft.acceleration;
-                rates[start + 1] = shaft.speed - rotor.speed;
+                if let Some(place) = places.azimuth {
+                    rates[place] = shaft.speed - rotor.speed;
+                }
             }
         }
     }
@@ -574,11 +603,15 @@ impl Vehicle {
         effectors: &[S],
     ) -> Shaft<S> {
         let rotor = &self.rotors[index];
-        let angle = rotor.azimuth_offset + azimuth * (rotor.speed / self.reference_speed);
+        let turned = if rotor.is_averaged() { 0.0 } else { azimuth };
+        let angle = rotor.azimuth_offset + turned * (rotor.speed / self.reference_speed);
         let places = &self.layout.rotors[index];
         match (places.speed, rotor.governor_time_constant) {
             (Some(start), Some(time_constant)) => {
-                let (sine, cosine) = (state[start + 1] + angle).sin_cos();
+                let (sine, cosine) = match places.azimuth {
+                    Some(place) => (state[place] + angle).sin_cos(),
+                    None => S::constant(angle).sin_cos(),
+                };
                 let speed = state[start];
                 let command = effectors[places.effectors + 3];
                 let acceleration = (command - speed) * (1.0 / time_constant);
@@ -979,24 +1012,6 @@ fn axes_in(source: &Rotor, receiver: &Rotor) -> HubAxes<f64> {
         }
     }
     axes
-}
-
-/// Slowest rotor speed (rad/s) and the shortest time (s) in which every rotor
-/// makes a whole number of blade passages.
-fn common_period(rotors: &[Rotor]) -> Result<(f64, f64), VehicleError> {
-    let passage = |rotor: &Rotor| std::f64::consts::TAU / (rotor.blades as f64 * rotor.speed);
-    let slowest = rotors.iter().map(|rotor| rotor.speed).fold(f64::INFINITY, f64::min);
-    let longest = rotors.iter().map(passage).fold(0.0, f64::max);
-    (1..=LONGEST_PERIOD)
-        .map(|count| count as f64 * longest)
-        .find(|period| {
-            rotors.iter().all(|rotor| {
-                let passages = period / passage(rotor);
-                (passages - passages.round()).abs() < PERIOD_TOLERANCE * passages
-            })
-        })
-        .map(|period| (slowest, period))
-        .ok_or(VehicleError::NoCommonPeriod { passages: LONGEST_PERIOD })
 }
 
 /// Inverse of the mass matrix by Gauss–Jordan elimination with partial

@@ -47,6 +47,13 @@ struct Element {
     lifting: f64,
 }
 
+/// Numbers of azimuths to try for the mean of a rotor.
+const AZIMUTHS: [usize; 7] = [8, 12, 16, 24, 32, 48, 64];
+/// Azimuths whose mean counts as exact.
+const MOST_AZIMUTHS: usize = 192;
+/// Error of a mean, of forces and of moments over the radius, relative to the
+/// thrust.
+const AVERAGING_TOLERANCE: f64 = 1e-5;
 /// Elements that are taken side by side.
 const LANES: usize = 4;
 
@@ -104,6 +111,10 @@ pub struct Rotor {
     pub governor_time_constant: Option<f64>,
     /// Teetering, or rigid.
     pub teetering: bool,
+    /// Azimuths, evenly over the turn, whose mean stands for the blades of a
+    /// rotor that is averaged; as many as blades where it is resolved.
+    evaluated: usize,
+    averaged: bool,
     teeter_torque_tilt: bool,
     teeter_equation: TeeterEquation,
     undersling: f64,
@@ -272,6 +283,8 @@ impl Rotor {
             azimuth_offset: rotor.azimuth_offset,
             governor_time_constant: rotor.governor.map(|g| g.time_constant),
             teetering,
+            evaluated: rotor.blades,
+            averaged: false,
             teeter_torque_tilt: rotor.teeter_torque_tilt,
             teeter_equation: rotor.teeter_equation,
             undersling,
@@ -298,6 +311,79 @@ impl Rotor {
         })
     }
 
+    /// The rotor of a problem, averaged over its azimuth: its loads are those of
+    /// a rotor of so many blades, evenly around, that more would make no
+    /// difference, with as much blade area and inertia in all.
+    ///
+    /// # Errors
+    /// As [`Rotor::new`], or a mean that does not converge with the number of
+    /// azimuths.
+    pub fn averaged(
+        rotor: &problem::Rotor,
+        center_of_gravity: &problem::Station,
+        air: &Air,
+    ) -> Result<Self, VehicleError> {
+        let plain = Self::new(rotor, center_of_gravity, air)?;
+        let exact = plain.spread(MOST_AZIMUTHS).sample_loads();
+        let scale = exact[2].abs();
+        let near = |count: &usize| {
+            let loads = plain.spread(*count).sample_loads();
+            loads.iter().zip(exact).all(|(a, b)| (a - b).abs() < AVERAGING_TOLERANCE * scale)
+        };
+        let enough = AZIMUTHS.into_iter().find(near).ok_or_else(|| VehicleError::Averaging {
+            rotor: rotor.name.clone(),
+            azimuths: AZIMUTHS[AZIMUTHS.len() - 1],
+        })?;
+        Ok(plain.spread(enough))
+    }
+
+    /// The same blade area and inertia over as many azimuths.
+    fn spread(&self, azimuths: usize) -> Self {
+        let mut rotor = self.clone();
+        let share = self.blades as f64 / azimuths as f64;
+        for element in &mut rotor.elements {
+            element.half_density_area *= share;
+        }
+        let [jx, jy, _] = self.inertia;
+        let even = 0.5 * (jx + jy);
+        rotor.inertia = [even, even, self.inertia[2]];
+        rotor.azimuth_offset = 0.0;
+        rotor.evaluated = azimuths;
+        rotor.averaged = true;
+        rotor
+    }
+
+    /// Force and moment over the radius in fast edgewise flight with all
+    /// controls on, N, where means need most azimuths.
+    fn sample_loads(&self) -> [f64; 6] {
+        let tip_speed = self.tip_speed();
+        let input = RotorInput {
+            velocity_hub: Vec3([0.3 * tip_speed, 0.05 * tip_speed, 0.01 * tip_speed]),
+            rate_hub: Vec3([0.0; 3]),
+            air_rate_hub: [0.0; 3],
+            flapping: [0.0; 2],
+            inflow: [0.02, 0.005, 0.002],
+            pitch: [0.15 - self.twist_at(0.75), 0.02, -0.05],
+        };
+        let shaft = Shaft { speed: self.speed, acceleration: 0.0, sine: 0.0, cosine: 1.0 };
+        let loads = self.loads(&input, &shaft);
+        let ([fx, fy, fz], [mx, my, mz]) = (loads.force_hub.0, loads.moment_hub.0);
+        [fx, fy, fz, mx / self.radius, my / self.radius, mz / self.radius]
+    }
+
+    /// Whether the rotor acts with its mean over all azimuths.
+    #[must_use]
+    pub fn is_averaged(&self) -> bool {
+        self.averaged
+    }
+
+    /// Azimuths at which an averaged rotor is evaluated; none where it is
+    /// resolved.
+    #[must_use]
+    pub fn averaging_azimuths(&self) -> Option<usize> {
+        self.averaged.then_some(self.evaluated)
+    }
+
     /// Force scale ρπR²(ΩR)², N.
     #[must_use]
     pub fn force_scale(&self) -> f64 {
@@ -307,7 +393,9 @@ impl Rotor {
     /// Area of one blade ∫c dr, m².
     #[must_use]
     pub fn blade_area(&self) -> f64 {
-        self.elements.iter().map(|e| e.half_density_area).sum::<f64>() / (0.5 * self.density)
+        let share = self.evaluated as f64 / self.blades as f64;
+        share * self.elements.iter().map(|e| e.half_density_area).sum::<f64>()
+            / (0.5 * self.density)
     }
 
     /// Built-in twist of the element nearest to a station r/R, rad.
@@ -384,13 +472,13 @@ impl Rotor {
         let mut force = Vec3::<S>::default();
         let mut moment = Vec3::<S>::default();
 
-        for blade in 0..self.blades {
+        for blade in 0..self.evaluated {
             let (s, c) = if blade == 0 {
                 (shaft.sine, shaft.cosine)
-            } else if self.blades == 2 {
+            } else if self.evaluated == 2 {
                 (-shaft.sine, -shaft.cosine)
             } else {
-                let (sk, ck) = (blade as f64 * TAU / self.blades as f64).sin_cos();
+                let (sk, ck) = (blade as f64 * TAU / self.evaluated as f64).sin_cos();
                 (shaft.sine * ck + shaft.cosine * sk, shaft.cosine * ck - shaft.sine * sk)
             };
             let sign = if blade == 0 { 1.0 } else { -1.0 };
@@ -873,8 +961,9 @@ impl PowerProbe<'_> {
         let [vx, vy, vz] = input.velocity_hub.0;
         let [p, q, r] = [0, 1, 2].map(|k| input.rate_hub.0[k] - input.air_rate_hub[k]);
         let [beta_1, rate_1] = rotor.teeter(&input.flapping, shaft);
-        for blade in 0..rotor.blades {
-            let azimuth = shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.blades as f64;
+        for blade in 0..rotor.evaluated {
+            let azimuth =
+                shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.evaluated as f64;
             let (s, c) = azimuth.sin_cos();
             let sign = if !rotor.teetering {
                 0.0

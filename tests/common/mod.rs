@@ -75,7 +75,9 @@ pub fn lively(vehicle: &Vehicle) -> (Vec<f64>, Vec<f64>) {
         }
         if let Some(start) = places.speed {
             state[start] = rotor.speed + 0.7 * vary;
-            state[start + 1] = 0.17 * vary;
+        }
+        if let Some(place) = places.azimuth {
+            state[place] = 0.17 * vary;
         }
         let at = places.effectors;
         effectors[at..at + 3].copy_from_slice(&[0.16 * vary, 0.011 * vary, -0.019 * vary]);
