@@ -114,6 +114,8 @@ pub enum Kind {
     AnglePerPercent,
     /// N m/rad; lbf ft/rad or N m/rad.
     AngularStiffness,
+    /// N m s/rad; lbf ft s/rad or N m s/rad.
+    AngularDamping,
     /// 1/rad; 1/rad.
     PerAngle,
 }
@@ -185,6 +187,7 @@ impl Kind {
         Kind::Percent,
         Kind::AnglePerPercent,
         Kind::AngularStiffness,
+        Kind::AngularDamping,
         Kind::PerAngle,
     ];
 
@@ -235,6 +238,8 @@ impl Kind {
             (Kind::AnglePerPercent, _) => scaled("deg/%", DEGREE),
             (Kind::AngularStiffness, Us) => scaled("lbf ft/rad", POUND_FORCE * FOOT),
             (Kind::AngularStiffness, Si) => scaled("N m/rad", 1.0),
+            (Kind::AngularDamping, Us) => scaled("lbf ft s/rad", POUND_FORCE * FOOT),
+            (Kind::AngularDamping, Si) => scaled("N m s/rad", 1.0),
             (Kind::PerAngle, _) => scaled("1/rad", 1.0),
         }
     }
@@ -301,6 +306,7 @@ impl Kind {
             Kind::Percent => "a percentage of stick travel",
             Kind::AnglePerPercent => "an angle per stick travel",
             Kind::AngularStiffness => "an angular stiffness",
+            Kind::AngularDamping => "an angular damping",
             Kind::PerAngle => "a slope per angle",
         }
     }
@@ -335,6 +341,7 @@ impl Kind {
             Kind::Percent => &["%"],
             Kind::AnglePerPercent => &["deg/100%", "rad/100%", "deg/%"],
             Kind::AngularStiffness => &["lbf ft/rad", "N m/rad", "N m/deg"],
+            Kind::AngularDamping => &["lbf ft s/rad", "N m s/rad"],
             Kind::PerAngle => &["1/rad", "1/deg"],
         }
     }
@@ -364,6 +371,9 @@ impl Kind {
             Kind::Percent => Dimension::PERCENT,
             Kind::AnglePerPercent => Dimension::ANGLE.times(Dimension::PERCENT, -1),
             Kind::AngularStiffness => Dimension::ENERGY.times(Dimension::ANGLE, -1),
+            Kind::AngularDamping => {
+                Dimension::ENERGY.times(Dimension::TIME, 1).times(Dimension::ANGLE, -1)
+            }
             Kind::PerAngle => none.times(Dimension::ANGLE, -1),
         }
     }

@@ -8,7 +8,7 @@ use super::error::color;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{
     AzimuthModel, Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow,
-    Problem, STICKS, Spanwise, Station, TotalInflow, Wash, WingModel,
+    Problem, Rotor, STICKS, Spanwise, Station, TotalInflow, Wash, WingModel,
 };
 use coaxdesign::units::{Kind, System};
 use coaxdesign::vehicle::azimuth::Turning;
@@ -236,12 +236,7 @@ fn rotors(problem: &Problem) -> Section {
             Direction::Clockwise => "clockwise",
         })
     });
-    section.row("hub", "hub kind", one, &bodies, |(r, _)| {
-        text(match r.hub_kind {
-            HubKind::Teetering { .. } => "teetering",
-            HubKind::Rigid => "rigid",
-        })
-    });
+    section.row("hub", "hub kind", one, &bodies, |(r, _)| text(r.hub_kind.word()));
     section.row("blades", "blades", one, &bodies, |(r, _)| number(r.blades as f64));
     section.row("radius", "radius", Kind::Length, &bodies, |(r, _)| number(r.radius));
     section.row("chord", "chord", Kind::Length, &bodies, |(r, _)| spanwise(&r.chord));
@@ -276,9 +271,29 @@ fn rotors(problem: &Problem) -> Section {
     );
     section.row("precone", "precone", Kind::Angle, &bodies, |(r, _)| number(r.precone));
     section.row("undersling", "undersling", Kind::Length, &bodies, |(r, _)| match r.hub_kind {
-        HubKind::Teetering { undersling, .. } => number(undersling),
-        HubKind::Rigid => None,
+        HubKind::Teetering { undersling, .. } | HubKind::Gimballed { undersling, .. } => {
+            number(undersling)
+        }
+        _ => None,
     });
+    let flapping = |r: &Rotor| r.flap_frequency().is_some();
+    section.row("hinge_offset", "flap hinge offset", Kind::Length, &bodies, |(r, _)| {
+        flapping(r).then(|| Cell::Number(r.hub_kind.hinge_offset()))
+    });
+    section.row(
+        "flap_spring",
+        "flap spring of a blade",
+        Kind::AngularStiffness,
+        &bodies,
+        |(r, _)| flapping(r).then(|| Cell::Number(r.flap_spring())),
+    );
+    section.row(
+        "flap_frequency_per_rev",
+        "flap frequency in vacuo, per rev",
+        one,
+        &bodies,
+        |(r, _)| r.flap_frequency().map(Cell::Number),
+    );
     section.row("blade_mass", "blade mass", Kind::Mass, &bodies, |(r, _)| number(r.blade_mass));
     section.row(
         "blade_first_moment",

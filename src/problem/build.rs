@@ -17,6 +17,21 @@ const TIP_MACH_WARNING: f64 = 0.95;
 /// Relative slack of the triangle inequality, for printed, rounded inertias.
 const TRIANGLE_SLACK: f64 = 1e-9;
 
+/// Keys that belong to some kinds of hub only.
+const HUB_KEYS: [(&str, &[&str]); 11] = [
+    ("undersling", &["teetering", "gimballed"]),
+    ("teeter_spring", &["teetering"]),
+    ("delta_3", &["teetering", "gimballed", "articulated", "hingeless"]),
+    ("teeter_torque_tilt", &["teetering"]),
+    ("teeter_equation", &["teetering"]),
+    ("hinge_offset", &["articulated", "hingeless"]),
+    ("flap_spring", &["articulated"]),
+    ("flap_frequency", &["hingeless"]),
+    ("flap_damping", &["articulated", "hingeless"]),
+    ("gimbal_spring", &["gimballed"]),
+    ("gimbal_damping", &["gimballed"]),
+];
+
 /// What the builder needs of the loader.
 pub(super) trait Host {
     fn finding(
@@ -220,12 +235,56 @@ fn rotor(
             "write blades = 2, or hub = \"rigid\"".into(),
         );
     }
-    if hub == Some("teetering") && table.choice("azimuth") == Some("averaged") {
+    if let (Some("articulated" | "hingeless"), Some(offset), Some(radius), Some(cutout)) =
+        (hub, table.number("hinge_offset"), table.number("radius"), table.number("root_cutout"))
+        && offset > cutout * radius
+    {
         fault(
-            "azimuth",
-            "a teetering rotor is resolved in azimuth".into(),
-            "remove it, or write hub = \"rigid\"".into(),
+            "hinge_offset",
+            "the lifting blade would begin inboard of its flap hinge".into(),
+            format!("write root_cutout = {:.4} or more", offset / radius),
         );
+    }
+    if hub == Some("hingeless") {
+        match (
+            table.number("flap_frequency"),
+            table.number("hinge_offset"),
+            table.number("blade_first_moment"),
+            table.number("blade_second_moment"),
+        ) {
+            (None, ..) if !table.given("flap_frequency") => fault(
+                "flap_frequency",
+                "missing key: a hingeless hub needs it".into(),
+                "add it, such as flap_frequency = 1.1".into(),
+            ),
+            (Some(frequency), Some(offset), Some(first), Some(second))
+                if frequency * frequency < 1.0 + offset * first / second =>
+            {
+                fault(
+                    "flap_frequency",
+                    "is below that of a free hinge at `hinge_offset`".into(),
+                    format!(
+                        "write {:.4} or more, or a smaller offset",
+                        (1.0 + offset * first / second).sqrt()
+                    ),
+                );
+            }
+            _ => {}
+        }
+    }
+    if hub == Some("teetering") && table.choice("azimuth") == Some("averaged") {
+        for (key, exact) in [
+            ("teeter_torque_tilt", table.flag("teeter_torque_tilt") != Some(false)),
+            ("teeter_equation", table.choice("teeter_equation") != Some("small_angles")),
+        ] {
+            if !exact {
+                fault(
+                    key,
+                    "is for a rotor that is resolved in azimuth".into(),
+                    "remove it, or write azimuth = \"resolved\"".into(),
+                );
+            }
+        }
     }
     if let (Some(cutout), Some(tip)) = (table.number("root_cutout"), table.number("tip_loss"))
         && cutout >= tip
@@ -272,6 +331,24 @@ fn rotor(
         "teetering" => HubKind::Teetering {
             undersling: table.number("undersling")?,
             spring: table.number("teeter_spring")?,
+            delta_3: table.number("delta_3")?,
+        },
+        "gimballed" => HubKind::Gimballed {
+            undersling: table.number("undersling")?,
+            spring: table.number("gimbal_spring")?,
+            damping: table.number("gimbal_damping")?,
+            delta_3: table.number("delta_3")?,
+        },
+        "articulated" => HubKind::Articulated {
+            hinge_offset: table.number("hinge_offset")?,
+            spring: table.number("flap_spring")?,
+            damping: table.number("flap_damping")?,
+            delta_3: table.number("delta_3")?,
+        },
+        "hingeless" => HubKind::Hingeless {
+            hinge_offset: table.number("hinge_offset")?,
+            frequency: table.number("flap_frequency")?,
+            damping: table.number("flap_damping")?,
             delta_3: table.number("delta_3")?,
         },
         _ => HubKind::Rigid,
@@ -355,15 +432,14 @@ fn rotor_warnings(
             );
         }
     }
-    if table.choice("hub") == Some("rigid") {
-        for key in
-            ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt", "teeter_equation"]
-        {
-            if table.given(key) {
+    if let Some(hub) = table.choice("hub") {
+        for (key, hubs) in HUB_KEYS {
+            if table.given(key) && !hubs.contains(&hub) {
+                let article = if hub == "articulated" { "an" } else { "a" };
                 warn(
                     key,
-                    "has no meaning for a rigid hub, and is ignored".into(),
-                    "remove it, or write hub = \"teetering\"".into(),
+                    format!("has no meaning for {article} {hub} hub, and is ignored"),
+                    format!("remove it, or write hub = \"{}\"", hubs[0]),
                 );
             }
         }

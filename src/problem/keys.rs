@@ -349,7 +349,8 @@ static ROTOR: Table = Table {
         required(
             "position",
             Value::Table(&STATION),
-            "Hub: the teeter hinge, or the shaft end of a rigid rotor.",
+            "Hub: the teeter hinge or gimbal, or the point of the shaft at the height of the flap hinges or \
+             of rigid blades.",
         ),
         default(
             "cant",
@@ -420,14 +421,63 @@ static ROTOR: Table = Table {
             Value::Choice(&[
                 ("teetering", "two blades on one teeter hinge"),
                 ("rigid", "blades that neither flap nor teeter"),
+                ("gimballed", "blades that tilt together on a gimbal"),
+                ("articulated", "blades that flap each about a hinge of its own"),
+                ("hingeless", "the same with the spring that gives a flap frequency"),
             ]),
             "How the blades are joined to the shaft.",
+        ),
+        default(
+            "hinge_offset",
+            Value::Quantity(Kind::Length, from_to("0 ft", "50 ft")),
+            "\"0 ft\"",
+            "Distance e of the flap hinge from the shaft; of a hingeless rotor that of the hinge \
+             that stands for its bending. First and second moment of the blade are about it. \
+             Articulated and hingeless hubs only.",
+        ),
+        default(
+            "flap_spring",
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
+            "\"0 lbf ft/rad\"",
+            "Spring about the flap hinge of each blade. Articulated hubs only.",
+        ),
+        optional(
+            "flap_frequency",
+            Value::Number(from_to("1", "5")),
+            "the hub is not hingeless",
+            "Flap frequency in vacuo at nominal speed, per revolution: gives the spring \
+             K = I_β Ω² (ν² − 1 − e M_β/I_β). Hingeless hubs only, which need it.",
+        ),
+        default(
+            "flap_damping",
+            Value::Quantity(
+                Kind::AngularDamping,
+                from_to("0 lbf ft s/rad", "10000000 lbf ft s/rad"),
+            ),
+            "\"0 lbf ft s/rad\"",
+            "Damper about the flap hinge of each blade. Articulated and hingeless hubs only.",
+        ),
+        default(
+            "gimbal_spring",
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
+            "\"0 lbf ft/rad\"",
+            "Spring of the gimbal against tilt about any axis. Gimballed hubs only.",
+        ),
+        default(
+            "gimbal_damping",
+            Value::Quantity(
+                Kind::AngularDamping,
+                from_to("0 lbf ft s/rad", "10000000 lbf ft s/rad"),
+            ),
+            "\"0 lbf ft s/rad\"",
+            "Damping of the gimbal's tilt in the turning frame. Gimballed hubs only.",
         ),
         default(
             "undersling",
             Value::Quantity(Kind::Length, from_to("-10 ft", "10 ft")),
             "\"0 ft\"",
-            "Distance of the blade attachment below the teeter hinge. Teetering hubs only.",
+            "Distance of the blade attachment below the teeter hinge or gimbal. Teetering and gimballed \
+             hubs only.",
         ),
         default(
             "teeter_spring",
@@ -439,7 +489,8 @@ static ROTOR: Table = Table {
             "delta_3",
             Value::Quantity(Kind::Angle, above_below("-80 deg", "80 deg")),
             "\"0 deg\"",
-            "Pitch-flap coupling δ3: the pitch changes by β_T tan δ3. Teetering hubs only.",
+            "Pitch-flap coupling δ3: the pitch changes by β tan δ3 with the flap angle β, precone left \
+             out. Any hub but a rigid one.",
         ),
         default(
             "teeter_torque_tilt",

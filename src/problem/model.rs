@@ -158,6 +158,100 @@ pub enum HubKind {
     },
     /// Blades that neither flap nor teeter.
     Rigid,
+    /// Blades that flap together on a gimbal: by β_1c cos ψ + β_1s sin ψ, so that
+    /// the disk tilts as one. Two blades on a gimbal teeter.
+    Gimballed {
+        /// Distance of the blade attachments below the gimbal, m.
+        undersling: f64,
+        /// Spring against tilt about any axis, N m/rad; of two blades about
+        /// their hinge.
+        spring: f64,
+        /// Damping of the tilt in the turning frame, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+    /// Blades that flap each about a hinge of its own.
+    Articulated {
+        /// Distance of the flap hinge from the shaft, m.
+        hinge_offset: f64,
+        /// Spring about the hinge, of each blade, N m/rad.
+        spring: f64,
+        /// Damper about the hinge, of each blade, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+    /// Blades that flap by bending, as if about a hinge with the spring that
+    /// gives their flap frequency.
+    Hingeless {
+        /// Distance of the equivalent hinge from the shaft, m.
+        hinge_offset: f64,
+        /// Flap frequency in vacuo at nominal speed, per revolution.
+        frequency: f64,
+        /// Damping about the hinge, of each blade, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+}
+
+impl HubKind {
+    /// Distance of the flap hinges from the shaft, m; zero without such hinges.
+    #[must_use]
+    pub fn hinge_offset(&self) -> f64 {
+        match *self {
+            Self::Articulated { hinge_offset, .. } | Self::Hingeless { hinge_offset, .. } => {
+                hinge_offset
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Its word in a problem file.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Teetering { .. } => "teetering",
+            Self::Rigid => "rigid",
+            Self::Gimballed { .. } => "gimballed",
+            Self::Articulated { .. } => "articulated",
+            Self::Hingeless { .. } => "hingeless",
+        }
+    }
+}
+
+impl Rotor {
+    /// Spring about the flap hinge of each blade, N m/rad: as given, or that
+    /// with which a hingeless blade has its flap frequency,
+    /// K = I_β Ω² (ν² − 1 − e M_β/I_β).
+    #[must_use]
+    pub fn flap_spring(&self) -> f64 {
+        match self.hub_kind {
+            HubKind::Articulated { spring, .. } => spring,
+            HubKind::Hingeless { hinge_offset, frequency, .. } => {
+                let hinge = hinge_offset * self.blade_first_moment / self.blade_second_moment;
+                let excess = frequency * frequency - 1.0 - hinge;
+                self.blade_second_moment * self.speed * self.speed * excess
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Flap frequency of a blade that flaps for itself, in vacuo, per
+    /// revolution: √(1 + e M_β/I_β + K/(I_β Ω²)). None on other hubs.
+    #[must_use]
+    pub fn flap_frequency(&self) -> Option<f64> {
+        let hinge_offset = match self.hub_kind {
+            HubKind::Articulated { hinge_offset, .. } | HubKind::Hingeless { hinge_offset, .. } => {
+                hinge_offset
+            }
+            _ => return None,
+        };
+        let (first, second) = (self.blade_first_moment, self.blade_second_moment);
+        let spring = self.flap_spring() / (self.speed * self.speed);
+        Some((1.0 + (hinge_offset * first + spring) / second).sqrt())
+    }
 }
 
 /// Section aerodynamics.

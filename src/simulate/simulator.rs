@@ -571,10 +571,9 @@ fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
     bounds[body.roll] = within(ATTITUDE_BOUND);
     bounds[body.pitch] = within(ATTITUDE_BOUND);
     for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-        if let Some(start) = places.flapping {
-            bounds[start] = within(FLAPPING_BOUND);
-            bounds[start + 1] = within(FLAPPING_BOUND);
-        }
+        let [start, angles, rates] = places.flap;
+        bounds[start..start + angles].fill(within(FLAPPING_BOUND));
+        bounds[start + angles..start + angles + rates].fill(within(FLAPPING_BOUND * rotor.speed));
         if let Some(start) = places.speed {
             bounds[start] = [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)];
         }

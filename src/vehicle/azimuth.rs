@@ -41,14 +41,7 @@ impl Turning {
     /// Rotors that must be resolved, without a common period.
     pub fn of(problem: &Problem) -> Result<Self, VehicleError> {
         let rotors = &problem.rotors;
-        let asked: Vec<Option<AzimuthModel>> = rotors
-            .iter()
-            .map(|rotor| match rotor.hub_kind {
-                // Blades that teeter one against the other have no mean blade.
-                HubKind::Teetering { .. } => Some(AzimuthModel::Resolved),
-                HubKind::Rigid => rotor.azimuth,
-            })
-            .collect();
+        let asked: Vec<Option<AzimuthModel>> = rotors.iter().map(|rotor| rotor.azimuth).collect();
         let mut models: Vec<AzimuthModel> =
             asked.iter().map(|model| model.unwrap_or(AzimuthModel::Averaged)).collect();
         let slowest = |chosen: &[usize]| {
@@ -86,9 +79,15 @@ impl Turning {
     }
 }
 
-/// Time from one blade to the next at a place, s.
+/// Time after which the rotor repeats itself, s: from one blade to the next, or
+/// to the next but one where the reactionless mode of an even number of blades
+/// tells neighbours apart.
 fn passage(rotor: &Rotor) -> f64 {
-    TAU / (rotor.blades as f64 * rotor.speed)
+    let flapping =
+        matches!(rotor.hub_kind, HubKind::Articulated { .. } | HubKind::Hingeless { .. });
+    let alternate = flapping && rotor.blades > 2 && rotor.blades % 2 == 0;
+    let places = if alternate { rotor.blades / 2 } else { rotor.blades };
+    TAU / (places as f64 * rotor.speed)
 }
 
 /// Shortest time (s) in which these rotors make a whole number of blade

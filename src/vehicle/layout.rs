@@ -36,6 +36,11 @@ pub struct BodyStates {
 pub struct RotorStates {
     /// β_1c, β_1s; none for a rigid rotor.
     pub flapping: Option<usize>,
+    /// Coning β_0, where it is a state.
+    pub coning: Option<usize>,
+    /// Where the flap states begin, how many angles they are, and how many
+    /// rates, which follow.
+    pub flap: [usize; 3],
     /// λ_s0, λ_s1c, λ_s1s.
     pub self_inflow: usize,
     /// λ_0, λ_1c, λ_1s; none where total inflow is algebraic.
@@ -82,13 +87,21 @@ impl Layout {
         let mut places = Vec::new();
         for rotor in rotors {
             let name = |state: &str| format!("{}.{state}", rotor.name);
-            let flapping = rotor.teetering.then(|| {
-                let start = states.len();
-                for state in ["beta_1c", "beta_1s"] {
-                    push(&mut states, name(state), Kind::AngleRad, 0.02);
-                }
-                start
-            });
+            let (angles, rates) = match &rotor.set {
+                Some(set) => set.states(),
+                None if rotor.teetering => (vec!["beta_1c".into(), "beta_1s".into()], Vec::new()),
+                None => (Vec::new(), Vec::new()),
+            };
+            let flap = [states.len(), angles.len(), rates.len()];
+            let place = |state: &str| angles.iter().position(|angle| angle == state);
+            let [coning, flapping] =
+                ["beta_0", "beta_1c"].map(|state| place(state).map(|at| flap[0] + at));
+            for angle in &angles {
+                push(&mut states, name(angle), Kind::AngleRad, 0.02);
+            }
+            for rate in &rates {
+                push(&mut states, name(rate), Kind::AngularRateRad, 0.02 * rotor.speed);
+            }
             let self_inflow = states.len();
             for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
                 push(&mut states, name(state), Kind::Dimensionless, 0.01);
@@ -120,6 +133,8 @@ impl Layout {
             }
             places.push(RotorStates {
                 flapping,
+                coning,
+                flap,
                 self_inflow,
                 total_inflow,
                 speed,

@@ -14,6 +14,7 @@
 pub mod airfoil;
 pub mod atmosphere;
 pub mod azimuth;
+pub mod blades;
 pub mod frames;
 pub mod fuselage;
 pub mod inflow;
@@ -29,6 +30,7 @@ use crate::problem::{AzimuthModel, Controls, InflowOptions, MassFlow, Problem, T
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
 use azimuth::Turning;
+use blades::{Blade, BladeAtSpeed, BladeGoverned, MOST_EVALUATED};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
@@ -166,6 +168,10 @@ pub struct Workspace<S> {
     pub(crate) shaft: Vec<Shaft<S>>,
     pub(crate) teeter: Vec<[S; 2]>,
     pub(crate) loads: Vec<RotorLoads<S>>,
+    /// Blades of rotors that are treated blade by blade, and without tangents;
+    /// none of others.
+    pub(crate) sets: Vec<Vec<Blade<S>>>,
+    pub(crate) plain_sets: Vec<Vec<Blade<f64>>>,
     /// Rows of hub-to-blades rotations, without tangents.
     pub(crate) blades: Vec<[Vec3<f64>; 3]>,
     pub(crate) fuselage_loads: Vec<(Vec3<S>, Vec3<S>)>,
@@ -371,11 +377,19 @@ impl Vehicle {
             shaft: vec![shaft; n],
             teeter: vec![[S::default(); 2]; n],
             loads: vec![RotorLoads::default(); n],
+            sets: self.sets(),
+            plain_sets: self.sets(),
             blades: vec![[Vec3::default(); 3]; n],
             fuselage_loads: vec![(zero, zero); self.fuselages.len()],
             wing_loads: vec![(zero, zero); self.wings.len()],
             acceleration: [zero; 2],
         }
+    }
+
+    /// Blades of the rotors that are treated blade by blade.
+    fn sets<S: Scalar>(&self) -> Vec<Vec<Blade<S>>> {
+        let count = |rotor: &Rotor| rotor.set.as_ref().map_or(0, |set| set.len());
+        self.rotors.iter().map(|rotor| vec![Blade::default(); count(rotor)]).collect()
     }
 
     /// Blade controls from stick positions in percent: rigging plus mix;
@@ -455,50 +469,32 @@ impl Vehicle {
             let (t0, t1c, t1s) = (effectors[at], effectors[at + 1], effectors[at + 2]);
             let [b1c, b1s] = flapping;
             let air_rate_hub = rotor.frame.rate_hub(motion.rate);
-            let loads = if rotor.governor_time_constant.is_none() {
-                let azimuth = (shaft.sine.value(), shaft.cosine.value());
-                S::compose(
-                    &LoadsAtSpeed { rotor, azimuth, air_rate_hub },
-                    &[vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s],
-                )
+            let input = [vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s];
+            if rotor.set.is_some() {
+                self.blade_loads(index, &input, state, air_rate_hub, work);
             } else {
-                let Shaft { speed, acceleration, sine, cosine } = *shaft;
-                S::compose(
-                    &LoadsGoverned { rotor, air_rate_hub },
-                    &[
-                        vx,
-                        vy,
-                        vz,
-                        p,
-                        q,
-                        r,
-                        b1c,
-                        b1s,
-                        l0,
-                        l1c,
-                        l1s,
-                        t0,
-                        t1c,
-                        t1s,
-                        speed,
-                        acceleration,
-                        sine,
-                        cosine,
-                    ],
-                )
-            };
-            let [fx, fy, fz, mx, my, mz, teeter_acceleration, c_t, c_l, c_m] = loads;
-            work.loads[index] = RotorLoads {
-                force_hub: Vec3([fx, fy, fz]),
-                moment_hub: Vec3([mx, my, mz]),
-                teeter_acceleration,
-                thrust_coefficient: c_t,
-                roll_coefficient: c_l,
-                pitch_coefficient: c_m,
-            };
-            work.teeter[index] = rotor.teeter(&flapping, shaft);
-            let [teeter_angle, _] = work.teeter[index].map(S::value);
-            work.blades[index] = rotor.hub_to_blades(teeter_angle, &shaft.value());
+                let loads = if rotor.governor_time_constant.is_none() {
+                    let azimuth = (shaft.sine.value(), shaft.cosine.value());
+                    S::compose(&LoadsAtSpeed { rotor, azimuth, air_rate_hub }, &input)
+                } else {
+                    S::compose(&LoadsGoverned { rotor, air_rate_hub }, &with_shaft(&input, shaft))
+                };
+                let [fx, fy, fz, mx, my, mz, teeter_acceleration, c_t, c_l, c_m] = loads;
+                work.loads[index] = RotorLoads {
+                    force_hub: Vec3([fx, fy, fz]),
+                    moment_hub: Vec3([mx, my, mz]),
+                    teeter_acceleration,
+                    thrust_coefficient: c_t,
+                    roll_coefficient: c_l,
+                    pitch_coefficient: c_m,
+                };
+                work.teeter[index] = rotor.teeter(&flapping, shaft);
+                let [teeter_angle, _] = work.teeter[index].map(S::value);
+                work.blades[index] = rotor.hub_to_blades(teeter_angle, &shaft.value());
+            }
+            let RotorLoads { thrust_coefficient: c_t, roll_coefficient: c_l, .. } =
+                work.loads[index];
+            let c_m = work.loads[index].pitch_coefficient;
 
             let drive = [c_t, -c_m, -c_l];
             for (k, &load) in drive.iter().enumerate() {
@@ -537,7 +533,20 @@ impl Vehicle {
         for (index, rotor) in self.rotors.iter().enumerate() {
             let places = &self.layout.rotors[index];
             let shaft = work.shaft[index];
-            if let Some(start) = places.flapping {
+            if let Some(set) = &rotor.set {
+                let mut flap = [S::default(); MOST_EVALUATED];
+                let flap = &mut flap[..set.len()];
+                let blades = &work.sets[index];
+                let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
+                set.accelerated(blades, hub, spin, flap);
+                for (flap, blade) in flap.iter_mut().zip(blades) {
+                    *flap += blade.free;
+                }
+                let [start, angles, rates_after] = places.flap;
+                let range = start..start + angles + rates_after;
+                let states = &state[range.clone()];
+                set.rates(states, &shaft, blades, flap, &mut rates[range]);
+            } else if let Some(start) = places.flapping {
                 let ([p, q, r], [ax, ay, az]) = (rate.0, specific_force.0);
                 let [wx, wy, wz] = angular.0;
                 let Shaft { sine, cosine, .. } = shaft;
@@ -558,6 +567,103 @@ impl Vehicle {
                 }
             }
         }
+    }
+
+    /// Loads of a rotor that is treated blade by blade, on a hub that does not
+    /// accelerate, from its inputs (flapping left out of these).
+    #[inline(always)]
+    fn blade_loads<S: Scalar>(
+        &self,
+        index: usize,
+        input: &[S; 14],
+        state: &[S],
+        air_rate_hub: [f64; 3],
+        work: &mut Workspace<S>,
+    ) {
+        let rotor = &self.rotors[index];
+        let Some(set) = &rotor.set else { return };
+        let shaft = work.shaft[index];
+        let [start, angles, rates] = self.layout.rotors[index].flap;
+        let blades = &mut work.sets[index];
+        set.place(&state[start..start + angles + rates], &shaft, blades);
+        let mut sum = [S::default(); 10];
+        let mut flap = [S::default(); MOST_EVALUATED];
+        let flap = &mut flap[..blades.len()];
+        for (blade, flap) in blades.iter_mut().zip(flap.iter_mut()) {
+            let mut own = *input;
+            (own[6], own[7]) = (blade.angle, blade.rate);
+            let loads = if rotor.governor_time_constant.is_none() {
+                let azimuth = (blade.sine.value(), blade.cosine.value());
+                S::compose(&BladeAtSpeed { rotor, body: set.body(), azimuth, air_rate_hub }, &own)
+            } else {
+                let shaft = Shaft { sine: blade.sine, cosine: blade.cosine, ..shaft };
+                let governed = BladeGoverned { rotor, body: set.body(), air_rate_hub };
+                S::compose(&governed, &with_shaft(&own, &shaft))
+            };
+            *flap = loads[6];
+            for (sum, load) in sum.iter_mut().zip(loads) {
+                *sum += load;
+            }
+        }
+        set.constrained(blades, flap);
+        let (force, moment) = set.flapping_loads(blades, flap);
+        for (blade, flap) in blades.iter_mut().zip(flap.iter()) {
+            blade.free = *flap;
+        }
+        for (plain, blade) in work.plain_sets[index].iter_mut().zip(blades.iter()) {
+            *plain = blade.value();
+        }
+        let [fx, fy, fz, mx, my, mz, _, air_z, air_mx, air_my] = sum;
+        let scale = 1.0 / rotor.force_scale();
+        work.loads[index] = RotorLoads {
+            force_hub: Vec3([fx, fy, fz]) + force,
+            moment_hub: Vec3([mx, my, mz]) + moment,
+            teeter_acceleration: S::default(),
+            thrust_coefficient: air_z * -scale,
+            roll_coefficient: air_mx * (scale / rotor.radius),
+            pitch_coefficient: air_my * (scale / rotor.radius),
+        };
+    }
+
+    /// Force and moment on the hub, hub frame, that blades return for an
+    /// acceleration of their hub and an angular acceleration of the airframe.
+    #[inline(always)]
+    pub(crate) fn accelerated_hub<S: Scalar>(
+        &self,
+        index: usize,
+        work: &Workspace<S>,
+        hub: Vec3<f64>,
+        angular: Vec3<f64>,
+    ) -> (Vec3<f64>, Vec3<f64>) {
+        let rotor = &self.rotors[index];
+        match &rotor.set {
+            Some(set) => {
+                let mut flap = [0.0; MOST_EVALUATED];
+                let flap = &mut flap[..set.len()];
+                set.accelerated(&work.plain_sets[index], hub, angular, flap)
+            }
+            None => {
+                let (force, moment, _) =
+                    rotor.acceleration_loads(&work.blades[index], hub, angular);
+                (force, moment)
+            }
+        }
+    }
+
+    /// A force on the hub and a moment about it, hub frame, as force and moment
+    /// about the centre of gravity, body frame.
+    #[inline(always)]
+    fn from_hub<S: Scalar>(
+        &self,
+        index: usize,
+        force: Vec3<S>,
+        moment: Vec3<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let rotor = &self.rotors[index];
+        let force = force.rotated_back(&rotor.frame.polar);
+        let turn = rotor.frame.handedness;
+        let moment = Vec3(moment.rotated_back(&rotor.frame.polar).0.map(|c| c * turn));
+        (force, moment - force.cross_constant(rotor.position_body))
     }
 
     /// Velocity of the centre of gravity through the air and angular velocity
@@ -800,12 +906,8 @@ impl Vehicle {
         hub: Vec3<S>,
         angular_hub: Vec3<S>,
     ) -> (Vec3<S>, Vec3<S>) {
-        let rotor = &self.rotors[index];
-        let (force, moment, _) = rotor.acceleration_loads(blades, hub, angular_hub);
-        let force = force.rotated_back(&rotor.frame.polar);
-        let turn = rotor.frame.handedness;
-        let moment = Vec3(moment.rotated_back(&rotor.frame.polar).0.map(|c| c * turn));
-        (force, moment - force.cross_constant(rotor.position_body))
+        let (force, moment, _) = self.rotors[index].acceleration_loads(blades, hub, angular_hub);
+        self.from_hub(index, force, moment)
     }
 
     /// Solves Newton's and Euler's equations of airframe and blades for the
@@ -834,9 +936,12 @@ impl Vehicle {
             right[3 + k] = moment.0[k].value() - gyroscopic.0[k];
         }
         for (index, rotor) in self.rotors.iter().enumerate() {
-            let blades = work.blades[index];
+            let returned = |hub: Vec3<f64>, angular: Vec3<f64>| {
+                let (force, moment) = self.accelerated_hub(index, work, hub, angular);
+                self.from_hub(index, force, moment)
+            };
             let (hub, _) = self.hub_acceleration(index, rate_value, zero, zero);
-            let (f, m) = self.returned(index, &blades, hub, zero);
+            let (f, m) = returned(hub, zero);
             for k in 0..3 {
                 right[k] += f.0[k];
                 right[3 + k] += m.0[k];
@@ -854,7 +959,7 @@ impl Vehicle {
                     let arm = Vec3(unit).cross_constant(rotor.position_body).rotated(polar);
                     (arm.0, [polar[0][axis] * turn, polar[1][axis] * turn, polar[2][axis] * turn])
                 };
-                let (f, m) = self.returned(index, &blades, Vec3(hub), Vec3(angular));
+                let (f, m) = returned(Vec3(hub), Vec3(angular));
                 for k in 0..3 {
                     matrix[k][column] -= f.0[k];
                     matrix[3 + k][column] -= m.0[k];
@@ -877,7 +982,25 @@ impl Vehicle {
                 residual[k] = force.0[k];
                 residual[3 + k] = moment.0[k] - gyroscopic[k];
             }
-            for index in 0..self.rotors.len() {
+            for (index, rotor) in self.rotors.iter().enumerate() {
+                if let Some(set) = &rotor.set {
+                    let [ax, ay, az, wx, wy, wz] = solution;
+                    let (hub, angular) = self.hub_acceleration(
+                        index,
+                        rate,
+                        Vec3::constant([ax, ay, az]),
+                        Vec3::constant([wx, wy, wz]),
+                    );
+                    let mut flap = [S::default(); MOST_EVALUATED];
+                    let flap = &mut flap[..set.len()];
+                    let (force, moment) = set.accelerated(&work.sets[index], hub, angular, flap);
+                    let (force, moment) = self.from_hub(index, force, moment);
+                    for k in 0..3 {
+                        residual[k] += force.0[k];
+                        residual[3 + k] += moment.0[k];
+                    }
+                    continue;
+                }
                 let Shaft { sine, cosine, .. } = work.shaft[index];
                 let part = S::compose(
                     &ReturnedAt { vehicle: self, index, solution },
@@ -961,6 +1084,15 @@ impl Local<3, 3> for Gyroscopic<'_> {
         let rate = Vec3([p, q, r]);
         rate.cross(rate.rotated(self.inertia)).0
     }
+}
+
+/// Inputs of a rotor at its own speed, and its shaft.
+#[inline(always)]
+fn with_shaft<S: Scalar>(input: &[S; 14], shaft: &Shaft<S>) -> [S; 18] {
+    let mut all = [S::default(); 18];
+    all[..14].copy_from_slice(input);
+    all[14..].copy_from_slice(&[shaft.speed, shaft.acceleration, shaft.sine, shaft.cosine]);
+    all
 }
 
 /// Inflow that a wake induces over a disk.

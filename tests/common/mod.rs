@@ -69,6 +69,11 @@ pub fn lively(vehicle: &Vehicle) -> (Vec<f64>, Vec<f64>) {
         if let Some(start) = places.flapping {
             put(start, &[0.021, -0.013]);
         }
+        let [start, angles, rates] = places.flap;
+        if rates > 0 {
+            put(start, &[0.03, 0.021, -0.013, 0.008, -0.005][..angles.min(5)]);
+            put(start + angles, &[0.2, -0.3, 0.4, 0.1, -0.2][..rates.min(5)]);
+        }
         put(places.self_inflow, &[0.023, 0.007, -0.004]);
         if let Some(start) = places.total_inflow {
             put(start, &[0.037, 0.009, -0.003]);
@@ -129,6 +134,33 @@ pub fn analytic(lift_slope: f64, drag: f64) -> Airfoil {
 /// Linear lift and constant drag by Eqs. 35.
 pub fn small_angles(lift_slope: f64, drag: f64) -> Airfoil {
     Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: true }
+}
+
+/// The problem's rotors with blades that flap each about a hinge of its own.
+pub fn articulated(mut problem: Problem, blades: usize) -> Problem {
+    for rotor in &mut problem.rotors {
+        rotor.hub_kind = HubKind::Articulated {
+            hinge_offset: 0.15,
+            spring: 400.0,
+            damping: 30.0,
+            delta_3: -0.2,
+        };
+        rotor.blades = blades;
+        rotor.blade_mass *= 2.0 / blades as f64;
+        rotor.root_cutout = 0.12;
+    }
+    problem
+}
+
+/// The problem's rotors on gimbals.
+pub fn gimballed(mut problem: Problem, blades: usize) -> Problem {
+    for rotor in &mut problem.rotors {
+        rotor.hub_kind =
+            HubKind::Gimballed { undersling: 0.06, spring: 800.0, damping: 25.0, delta_3: 0.2 };
+        rotor.blades = blades;
+        rotor.root_cutout = 0.12;
+    }
+    problem
 }
 
 /// Blades that sweep through the problem's rotors with three blades, held
