@@ -18,12 +18,10 @@ const TIP_MACH_WARNING: f64 = 0.95;
 const TRIANGLE_SLACK: f64 = 1e-9;
 
 /// Keys that belong to some kinds of hub only.
-const HUB_KEYS: [(&str, &[&str]); 11] = [
+const HUB_KEYS: [(&str, &[&str]); 9] = [
     ("undersling", &["teetering", "gimballed"]),
     ("teeter_spring", &["teetering"]),
     ("delta_3", &["teetering", "gimballed", "articulated", "hingeless"]),
-    ("teeter_torque_tilt", &["teetering"]),
-    ("teeter_equation", &["teetering"]),
     ("hinge_offset", &["articulated", "hingeless"]),
     ("flap_spring", &["articulated"]),
     ("flap_frequency", &["hingeless"]),
@@ -77,18 +75,31 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
     let wings: Vec<_> =
         root.named("wings").iter().map(|(name, table)| wing(host, name, table)).collect();
     let inflow = root.table("inflow").and_then(inflow);
+    let formulation = root.table("formulation").and_then(|table| {
+        let teeters =
+            rotor_tables.iter().any(|(_, rotor)| rotor.choice("hub") == Some("teetering"));
+        formulation(host, table, teeters)
+    });
+    if let Some(formulation) = &formulation {
+        averages(host, formulation, rotor_tables);
+    }
     let rotor_names: Vec<&str> = rotor_tables.iter().map(|(name, _)| name.as_str()).collect();
     let controls =
         root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
     Some(Problem {
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
+        reference: match root.choice("reference")? {
+            "coax2d-paper" => Some(Reference::Coax2dPaper),
+            _ => None,
+        },
         mass: mass?,
         atmosphere: atmosphere?,
         fuselages: fuselages.into_iter().collect::<Option<_>>()?,
         rotors: rotors.into_iter().collect::<Option<_>>()?,
         wings: wings.into_iter().collect::<Option<_>>()?,
         inflow: inflow?,
+        formulation: formulation?,
         controls: controls?,
     })
 }
@@ -272,20 +283,6 @@ fn rotor(
             _ => {}
         }
     }
-    if hub == Some("teetering") && table.choice("azimuth") == Some("averaged") {
-        for (key, exact) in [
-            ("teeter_torque_tilt", table.flag("teeter_torque_tilt") != Some(false)),
-            ("teeter_equation", table.choice("teeter_equation") != Some("small_angles")),
-        ] {
-            if !exact {
-                fault(
-                    key,
-                    "is for a rotor that is resolved in azimuth".into(),
-                    "remove it, or write azimuth = \"resolved\"".into(),
-                );
-            }
-        }
-    }
     if let (Some(cutout), Some(tip)) = (table.number("root_cutout"), table.number("tip_loss"))
         && cutout >= tip
     {
@@ -379,11 +376,6 @@ fn rotor(
         blade_first_moment: table.number("blade_first_moment")?,
         blade_second_moment: table.number("blade_second_moment")?,
         hub_kind,
-        teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
-        teeter_equation: match table.choice("teeter_equation")? {
-            "small_angles" => TeeterEquation::SmallAngles,
-            _ => TeeterEquation::Exact,
-        },
         swashplate_phase: table.number("swashplate_phase")?,
         speed: table.number("speed")?,
         azimuth_offset: table.number("azimuth_offset")?,
@@ -529,11 +521,8 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
 
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
     let bandwidth = table.number("lowpass_bandwidth");
-    let radii = table.count("interference_radii");
-    let skews = table.count("interference_skews");
     Some(InflowOptions {
         interactions: table.flag("interactions")?,
-        harmonics_through_flow: table.choice("harmonic_mass_flow")? == "through",
         mass_flow: match table.choice("mass_flow")? {
             "total" => MassFlow::Total,
             _ => MassFlow::SelfInduced,
@@ -542,13 +531,55 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             "lowpass" => TotalInflow::LowPass { bandwidth: bandwidth? },
             _ => TotalInflow::Algebraic,
         },
+        wash_core: table.number("wash_core")?,
+    })
+}
+
+/// Published formulas of teetering blades are for rotors that are resolved.
+fn averages(host: &mut dyn Host, formulation: &Formulation, rotors: &[(String, CheckedTable)]) {
+    let exact =
+        formulation.teeter_torque_tilt && formulation.teeter_equation == TeeterEquation::Exact;
+    for (_, table) in rotors {
+        let averaged = table.choice("azimuth") == Some("averaged");
+        if averaged && table.choice("hub") == Some("teetering") && !exact {
+            host.finding(
+                Severity::Error,
+                table.place("azimuth"),
+                &table.key_path("azimuth"),
+                "a teetering rotor is averaged with exact mechanics only".into(),
+                "write azimuth = \"resolved\", or remove `teeter_torque_tilt` and \
+                 `teeter_equation` from [formulation]"
+                    .into(),
+            );
+        }
+    }
+}
+
+/// `teeters`: whether there is a teetering rotor.
+fn formulation(host: &mut dyn Host, table: &CheckedTable, teeters: bool) -> Option<Formulation> {
+    for key in ["teeter_torque_tilt", "teeter_equation"] {
+        if table.given(key) && !teeters {
+            host.finding(
+                Severity::Warning,
+                table.place(key),
+                &table.key_path(key),
+                "has no meaning without a teetering rotor, and is ignored".into(),
+                "remove it".into(),
+            );
+        }
+    }
+    let (radii, skews) = (table.count("interference_radii"), table.count("interference_skews"));
+    Some(Formulation {
+        teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
+        teeter_equation: match table.choice("teeter_equation")? {
+            "small_angles" => TeeterEquation::SmallAngles,
+            _ => TeeterEquation::Exact,
+        },
         interference_rule: match table.choice("interference_rule")? {
-            "coarse" => InterferenceRule::Coarse { radii: radii? },
             "trapezoid" => InterferenceRule::Trapezoid { radii: radii?, skews: skews? },
             _ => InterferenceRule::Converged,
         },
         mirrored_interference: table.flag("mirrored_interference")?,
-        wash_core: table.number("wash_core")?,
     })
 }
 

@@ -5,7 +5,7 @@
 //! its loads over all azimuths, at each instant; it may turn at any speed and
 //! has no period of its own.
 
-use crate::problem::{AzimuthModel, HubKind, Problem, Rotor};
+use crate::problem::{AzimuthModel, HubKind, Problem, Rotor, TeeterEquation};
 use crate::vehicle::VehicleError;
 use std::f64::consts::TAU;
 
@@ -41,7 +41,17 @@ impl Turning {
     /// Rotors that must be resolved, without a common period.
     pub fn of(problem: &Problem) -> Result<Self, VehicleError> {
         let rotors = &problem.rotors;
-        let asked: Vec<Option<AzimuthModel>> = rotors.iter().map(|rotor| rotor.azimuth).collect();
+        let formulation = &problem.formulation;
+        let exact =
+            formulation.teeter_torque_tilt && formulation.teeter_equation == TeeterEquation::Exact;
+        let asked: Vec<Option<AzimuthModel>> = rotors
+            .iter()
+            .map(|rotor| match rotor.hub_kind {
+                // Published formulas are those of blades where they stand.
+                HubKind::Teetering { .. } if !exact => Some(AzimuthModel::Resolved),
+                _ => rotor.azimuth,
+            })
+            .collect();
         let mut models: Vec<AzimuthModel> =
             asked.iter().map(|model| model.unwrap_or(AzimuthModel::Averaged)).collect();
         let slowest = |chosen: &[usize]| {

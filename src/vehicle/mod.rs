@@ -26,7 +26,9 @@ pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
-use crate::problem::{AzimuthModel, Controls, InflowOptions, MassFlow, Problem, TotalInflow};
+use crate::problem::{
+    AzimuthModel, Controls, Formulation, InflowOptions, MassFlow, Problem, TotalInflow,
+};
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
 use azimuth::Turning;
@@ -134,6 +136,7 @@ pub struct Vehicle {
     pub controls: Controls,
     /// Inflow choices.
     pub inflow: InflowOptions,
+    formulation: Formulation,
     /// Names and places of states and effectors.
     pub layout: Layout,
     /// Speed of the slowest resolved rotor, rad/s: the reference azimuth turns
@@ -204,8 +207,8 @@ impl Vehicle {
             .iter()
             .zip(models)
             .map(|(rotor, model)| match model {
-                AzimuthModel::Resolved => Rotor::new(rotor, cg, &air),
-                AzimuthModel::Averaged => Rotor::averaged(rotor, cg, &air),
+                AzimuthModel::Resolved => Rotor::new(rotor, &problem.formulation, cg, &air),
+                AzimuthModel::Averaged => Rotor::averaged(rotor, &problem.formulation, cg, &air),
             })
             .collect::<Result<_, _>>()?;
         let wings: Vec<Wing> =
@@ -226,6 +229,7 @@ impl Vehicle {
             fuselages,
             controls: problem.controls.clone(),
             inflow: problem.inflow,
+            formulation: problem.formulation,
             layout,
             reference_speed,
             period,
@@ -278,13 +282,13 @@ impl Vehicle {
                     offset: unmirrored(source, &receiver.position_body).into(),
                     receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
-                    receiver_mirrored: if self.inflow.mirrored_interference {
+                    receiver_mirrored: if self.formulation.mirrored_interference {
                         receiver.frame.handedness < 0.0
                     } else {
                         source.frame.handedness < 0.0
                     },
                 };
-                Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
+                Interference::new(&geometry, self.formulation.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {
                         source_rotor: source.name.clone(),
                         receiver: receiver.name.clone(),
@@ -754,10 +758,7 @@ impl Vehicle {
                 let scale = 1.0 / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
-                    &WakeOf {
-                        mass_flow: self.inflow.mass_flow,
-                        harmonics_through_flow: self.inflow.harmonics_through_flow,
-                    },
+                    &WakeOf { mass_flow: self.inflow.mass_flow },
                     &[
                         vx * scale,
                         vy * -scale,

@@ -22,12 +22,12 @@
 //! inertia tensor is diagonal in T. Newton's and Euler's laws for it replace
 //! the printed expansions (Eqs. 22–23, 44, 47), which neglect some terms and
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
-//! hub, belongs to the airframe (see `MassProperties`). Two switches put single
-//! inexact relations of the paper in their place, for comparison with print:
-//! `teeter_torque_tilt` and `teeter_equation`.
+//! hub, belongs to the airframe (see `MassProperties`). A
+//! [`Formulation`] can put single inexact relations of a publication in their
+//! place: `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, HubKind, Spanwise, TeeterEquation};
+use crate::problem::{self, Formulation, HubKind, Spanwise, TeeterEquation};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -295,6 +295,7 @@ impl Rotor {
     /// An airfoil table that cannot be interpolated.
     pub fn new(
         rotor: &problem::Rotor,
+        formulation: &Formulation,
         center_of_gravity: &problem::Station,
         air: &Air,
     ) -> Result<Self, VehicleError> {
@@ -355,8 +356,8 @@ impl Rotor {
             teetering,
             evaluated: rotor.blades,
             averaged: false,
-            teeter_torque_tilt: rotor.teeter_torque_tilt,
-            teeter_equation: rotor.teeter_equation,
+            teeter_torque_tilt: formulation.teeter_torque_tilt,
+            teeter_equation: formulation.teeter_equation,
             undersling,
             spring,
             tan_delta_3: delta_3.tan(),
@@ -428,10 +429,11 @@ impl Rotor {
     /// azimuths.
     pub fn averaged(
         rotor: &problem::Rotor,
+        formulation: &Formulation,
         center_of_gravity: &problem::Station,
         air: &Air,
     ) -> Result<Self, VehicleError> {
-        let plain = Self::new(rotor, center_of_gravity, air)?;
+        let plain = Self::new(rotor, formulation, center_of_gravity, air)?;
         let exact = plain.spread_evenly(MOST_AZIMUTHS).sample_loads();
         let scale = exact[2].abs();
         let near = |count: &usize| {
