@@ -522,6 +522,7 @@ fn wing(cant: f64, dihedral: f64, model: WingModel) -> problem::Wing {
         span: 6.0,
         chord: constant(1.2),
         incidence: 0.0,
+        incidence_schedule: None,
         cant,
         dihedral,
         model,

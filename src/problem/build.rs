@@ -506,17 +506,42 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
             })
         })
     };
+    let incidence_schedule = match table.table("incidence_schedule") {
+        Some(schedule) => Some(incidence_schedule(host, schedule)?),
+        None => None,
+    };
     Some(Wing {
         name: name.into(),
         aerodynamic_center: position?,
         span: table.number("span")?,
         chord: table.spanwise("chord")?,
         incidence: table.number("incidence")?,
+        incidence_schedule,
         cant: table.number("cant")?,
         dihedral: table.number("dihedral")?,
         model: model?,
         wash: wash(table)?,
     })
+}
+
+fn incidence_schedule(host: &mut dyn Host, table: &CheckedTable) -> Option<IncidenceSchedule> {
+    let (airspeed, incidence) = (table.number_list("airspeed")?, table.number_list("incidence")?);
+    let increasing = airspeed.windows(2).all(|pair| pair[0] < pair[1]);
+    let fault = if airspeed.len() < 2 || !increasing {
+        "airspeeds must increase strictly, and be two or more".to_owned()
+    } else if incidence.len() != airspeed.len() {
+        format!("there are {} airspeeds but {} incidences", airspeed.len(), incidence.len())
+    } else {
+        return Some(IncidenceSchedule { airspeed, incidence });
+    };
+    host.finding(
+        Severity::Error,
+        table.place("airspeed"),
+        &table.key_path("airspeed"),
+        fault,
+        "write as many of both, such as airspeed = [\"0 kt\", \"80 kt\"]".into(),
+    );
+    None
 }
 
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {

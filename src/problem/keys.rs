@@ -589,6 +589,23 @@ static FINITE: Table = Table {
     alternatives: &[],
 };
 
+static INCIDENCE_SCHEDULE: Table = Table {
+    doc: "Incidence over true airspeed: a smooth curve through the points, held beyond the ends.",
+    keys: &[
+        required(
+            "airspeed",
+            Value::Quantities(0, Kind::Airspeed, from_to("0 kt", "1000 kt")),
+            "Airspeeds, strictly increasing, two or more.",
+        ),
+        required(
+            "incidence",
+            Value::Quantities(0, Kind::Angle, from_to("-90 deg", "90 deg")),
+            "Incidence at each of them, positive leading edge up.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 static WING: Table = Table {
     doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
           from the body axes by a rotation about x by `cant`; the span runs along the turned y \
@@ -612,6 +629,12 @@ static WING: Table = Table {
             Value::Quantity(Kind::Angle, from_to("-90 deg", "90 deg")),
             "\"0 deg\"",
             "Incidence, positive leading edge up.",
+        ),
+        optional(
+            "incidence_schedule",
+            Value::Table(&INCIDENCE_SCHEDULE),
+            "the incidence is fixed",
+            "Incidence that follows the airspeed, as of a stabilator. It adds to `incidence`.",
         ),
         default(
             "cant",

@@ -406,6 +406,8 @@ pub struct Wing {
     pub chord: Spanwise,
     /// Incidence, rad, positive leading edge up.
     pub incidence: f64,
+    /// Incidence over airspeed in place of a fixed one.
+    pub incidence_schedule: Option<IncidenceSchedule>,
     /// Cant about the x axis, rad. The wing axes come from the body axes by
     /// this rotation, and the span runs along the turned y axis: 0 is
     /// horizontal; at 90° the span points down and lift is to starboard.
@@ -416,6 +418,15 @@ pub struct Wing {
     pub model: WingModel,
     /// Rotor wash on it.
     pub wash: Wash,
+}
+
+/// Incidence of a surface that follows the airspeed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IncidenceSchedule {
+    /// True airspeeds, m/s, strictly increasing; the ends hold beyond them.
+    pub airspeed: Vec<f64>,
+    /// Incidence at each, rad, positive leading edge up.
+    pub incidence: Vec<f64>,
 }
 
 /// How a wing makes its loads.
