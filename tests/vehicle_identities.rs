@@ -213,7 +213,7 @@ fn air_that_turns_is_an_aircraft_that_turns() {
         for places in &vehicle.layout.rotors {
             let mut felt = false;
             for k in 0..3 {
-                let at = places.self_inflow + k;
+                let at = places.self_inflow.unwrap() + k;
                 let (a, b) = (air[at], aircraft[at]);
                 assert!((a - b).abs() < 1e-11, "{}: inflow {k}: {a} and {b}", p.name);
                 felt |= (a - neither[at]).abs() > 1e-3;
@@ -509,7 +509,7 @@ fn distant_rotors_are_two_rotors_alone() {
         // Total inflow as it settles.
         let start = places.total_inflow.unwrap();
         for k in 0..3 {
-            state[start + k] = state[places.self_inflow + k];
+            state[start + k] = state[places.self_inflow.unwrap() + k];
         }
     }
     let together = rates(&vehicle, 0.6, &state, &effectors, [0.0; 3]);
@@ -519,15 +519,18 @@ fn distant_rotors_are_two_rotors_alone() {
         let mut x = state[..Layout::BODY.count].to_vec();
         let first = places.flapping.unwrap();
         x.extend(&state[first..first + 8]);
-        let u = &effectors[places.effectors..places.effectors + 3];
+        let pitch = places.pitch.unwrap();
+        let u = &effectors[pitch..pitch + 3];
         let single = rates(alone, 0.6, &x, u, [0.0; 3]);
         for k in 0..6 {
-            let (a, b) = (together[places.self_inflow + k], single[own.self_inflow + k]);
+            let (a, b) =
+                (together[places.self_inflow.unwrap() + k], single[own.self_inflow.unwrap() + k]);
             // Interference of 1e-5 on a circulation of 0.1, times 200 rad/s.
             assert!((a - b).abs() < 2e-4, "rotor {index}, inflow {k}: {a} and {b}");
         }
         for k in 0..3 {
-            let (a, b) = (together[places.self_inflow + k], single[own.self_inflow + k]);
+            let (a, b) =
+                (together[places.self_inflow.unwrap() + k], single[own.self_inflow.unwrap() + k]);
             assert!((a - b).abs() < 1e-9, "rotor {index}, own inflow {k}: {a} and {b}");
         }
     }
@@ -748,7 +751,7 @@ fn assert_conserved(p: &Problem) {
         if let Some(start) = places.speed {
             x[start] = lively[start];
             x[start + 1] = lively[start + 1];
-            effectors[places.effectors + 3] = rotor.speed + 2.0;
+            effectors[places.command.unwrap()] = rotor.speed + 2.0;
         }
     }
     let mut integrator = Integrator::<f64>::new(COOPER_VERNER_8, n + EXTRA);

@@ -342,6 +342,49 @@ static GOVERNOR: Table = Table {
     alternatives: &[],
 };
 
+static MOTOR: Table = Table {
+    doc: "A motor whose speed the sticks command: Ω' = (Ω_cmd - Ω)/τ, with Ω_cmd from \
+          `[controls.mix.NAME]`. Such a rotor is averaged over its azimuth.",
+    keys: &[required(
+        "time_constant",
+        Value::Quantity(Kind::Time, above_to("0 s", "1000 s")),
+        "Time constant τ.",
+    )],
+    alternatives: &[],
+};
+
+static COEFFICIENTS: Table = Table {
+    doc: "A rigid rotor by coefficients in place of blades, as small multicopters are given: \
+          thrust T = k Ω², torque Q = κ T, and a force against its motion across the shaft of \
+          k_d Ω v. It has no inflow, and no wash on others.",
+    keys: &[
+        required(
+            "thrust",
+            Value::Quantity(Kind::ThrustFactor, above_to("0 N s^2/rad^2", "1000000 N s^2/rad^2")),
+            "Thrust factor k.",
+        ),
+        required(
+            "torque",
+            Value::Quantity(Kind::Length, from_to("0 m", "100 m")),
+            "Torque over thrust κ.",
+        ),
+        default(
+            "drag",
+            Value::Quantity(Kind::DragFactor, from_to("0 N s^2/m/rad", "1000000 N s^2/m/rad")),
+            "\"0 N s^2/m/rad\"",
+            "Drag factor k_d.",
+        ),
+        default(
+            "inertia",
+            Value::Quantity(Kind::Inertia, from_to("0 kg m^2", "1000000 kg m^2")),
+            "\"0 kg m^2\"",
+            "Moment of inertia of what turns, about the shaft: gyroscopic moments, and the reaction \
+             of a rotor that speeds up.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 static ROTOR: Table = Table {
     doc: "A rotor: `[rotors.NAME]`, with a name of your choice. At least one is needed. The \
           order in the file is the order in every result.",
@@ -516,6 +559,18 @@ static ROTOR: Table = Table {
             "Rotor-speed governor; makes the speed a state.",
         ),
         optional(
+            "motor",
+            Value::Table(&MOTOR),
+            "the sticks do not command the speed",
+            "Motor with a commanded speed; makes the speed a state. Not beside `governor`.",
+        ),
+        optional(
+            "coefficients",
+            Value::Table(&COEFFICIENTS),
+            "the rotor has blades",
+            "Thrust and torque by coefficients in place of blades.",
+        ),
+        optional(
             "azimuth",
             Value::Choice(&[
                 (
@@ -534,7 +589,33 @@ static ROTOR: Table = Table {
             "How the turn of the rotor enters the dynamics.",
         ),
     ],
-    alternatives: &[],
+    alternatives: &[
+        &[
+            "blades",
+            "chord",
+            "twist",
+            "root_cutout",
+            "tip_loss",
+            "elements",
+            "airfoil",
+            "precone",
+            "blade_mass",
+            "blade_first_moment",
+            "blade_second_moment",
+            "hub",
+            "hinge_offset",
+            "flap_spring",
+            "flap_frequency",
+            "flap_damping",
+            "gimbal_spring",
+            "gimbal_damping",
+            "undersling",
+            "teeter_spring",
+            "delta_3",
+            "swashplate_phase",
+        ],
+        &["coefficients"],
+    ],
 };
 
 static STRIPS: Table = Table {
@@ -833,6 +914,26 @@ static GEARINGS: Table = Table {
     alternatives: &[],
 };
 
+const SPEED_GEARING: Value =
+    Value::Quantity(Kind::AngularRatePerPercent, from_to("-10000 rad/s/100%", "10000 rad/s/100%"));
+
+static SPEED_GEARINGS: Table = Table {
+    doc: "Commanded speed per stick travel.",
+    keys: &[
+        default("lat", SPEED_GEARING, "\"0 rad/s/100%\"", "From the lateral stick."),
+        default("lon", SPEED_GEARING, "\"0 rad/s/100%\"", "From the longitudinal stick."),
+        default("col", SPEED_GEARING, "\"0 rad/s/100%\"", "From the collective lever."),
+        default("ped", SPEED_GEARING, "\"0 rad/s/100%\"", "From the pedals."),
+        optional(
+            "rigging",
+            Value::Quantity(Kind::AngularRateRad, from_to("-10000 rad/s", "10000 rad/s")),
+            "the nominal speed of the rotor",
+            "With every stick at zero.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 const PITCH: Bounds = from_to("-90 deg", "90 deg");
 
 static RIGGING: Table = Table {
@@ -870,6 +971,18 @@ static ROTOR_MIX: Table = Table {
             "Longitudinal cyclic θ_1s, which multiplies sin ψ.",
         ),
         default("rigging", Value::Table(&RIGGING), "{}", "Blade pitch with every stick at zero."),
+        default(
+            "speed",
+            Value::Table(&SPEED_GEARINGS),
+            "{}",
+            "Commanded speed of a rotor with a motor.",
+        ),
+        default(
+            "speed_limits",
+            Value::Limits(Kind::AngularRateRad, from_to("0 rad/s", "10000 rad/s")),
+            "[\"0 rad/s\", \"10000 rad/s\"]",
+            "Limits on the commanded speed.",
+        ),
         default(
             "collective_limits",
             Value::Limits(Kind::Angle, PITCH),

@@ -359,6 +359,11 @@ pub struct Rotor {
     pub azimuth_offset: f64,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
+    /// Motor whose speed the sticks command; not beside a governor.
+    pub motor: Option<Motor>,
+    /// Thrust and torque by coefficients in place of blades, which the rotor
+    /// then has none of.
+    pub coefficients: Option<RotorCoefficients>,
     /// How its turn enters the dynamics; none leaves the choice to the ratio of
     /// its speed to that of the slowest rotor.
     pub azimuth: Option<AzimuthModel>,
@@ -390,6 +395,27 @@ pub enum TeeterEquation {
 pub struct Governor {
     /// Time constant τ, s.
     pub time_constant: f64,
+}
+
+/// Motor with a commanded speed: Ω' = (Ω_cmd − Ω)/τ, where the sticks set Ω_cmd.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motor {
+    /// Time constant τ, s.
+    pub time_constant: f64,
+}
+
+/// A rigid rotor by coefficients: T = k Ω², Q = κ T, and a force −k_d Ω v against
+/// its motion across the shaft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotorCoefficients {
+    /// Thrust factor k, N s²/rad².
+    pub thrust: f64,
+    /// Torque over thrust κ, m.
+    pub torque: f64,
+    /// Drag factor k_d, N s²/(m rad).
+    pub drag: f64,
+    /// Moment of inertia about the shaft, kg m².
+    pub inertia: f64,
 }
 
 /// A wing or tail surface.
@@ -550,6 +576,11 @@ pub struct RotorMix {
     pub theta_1s: [f64; 4],
     /// Blade pitch θ_0, θ_1c, θ_1s with every stick at zero, rad.
     pub rigging: [f64; 3],
+    /// Commanded speed for lat, lon, col, ped, rad/s/%; without effect where no
+    /// motor takes commands.
+    pub speed: [f64; 4],
+    /// Commanded speed with every stick at zero, rad/s.
+    pub speed_rigging: f64,
 }
 
 /// From sticks to blades.
@@ -563,6 +594,8 @@ pub struct Controls {
     pub collective_limits: Vec<[f64; 2]>,
     /// Limits on each cyclic component, rad, one pair a rotor.
     pub cyclic_limits: Vec<[f64; 2]>,
+    /// Limits on commanded speed, rad/s, one pair a rotor.
+    pub speed_limits: Vec<[f64; 2]>,
 }
 
 /// Names of the pilot's sticks, in the order of every control vector.

@@ -85,7 +85,9 @@ impl<'a> Shooting<'a> {
         let mut fixed = vec![0.0; vehicle.state_count()];
         let mut held = vec![false; vehicle.state_count()];
         for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-            if let Some(start) = places.speed {
+            if let Some(start) = places.speed
+                && !rotor.commanded
+            {
                 fixed[start] = rotor.speed;
                 held[start] = true;
             }
@@ -358,14 +360,20 @@ impl Residuals for Shooting<'_> {
     }
 }
 
-/// Stick travel, %, that moves a blade by one hundredth of a radian.
+/// Stick travel, %, that moves a blade by one hundredth of a radian, or changes
+/// a commanded speed by two hundredths of nominal.
 pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
     [0, 1, 2, 3].map(|stick| {
         let most = vehicle
             .controls
             .mix
             .iter()
-            .flat_map(|mix| [mix.theta_0[stick], mix.theta_1c[stick], mix.theta_1s[stick]])
+            .zip(&vehicle.rotors)
+            .flat_map(|(mix, rotor)| {
+                let speed =
+                    if rotor.commanded { 0.5 * mix.speed[stick] / rotor.speed } else { 0.0 };
+                [mix.theta_0[stick], mix.theta_1c[stick], mix.theta_1s[stick], speed]
+            })
             .map(f64::abs)
             .fold(0.0, f64::max);
         if most > 0.0 { 0.01 / most } else { 1.0 }

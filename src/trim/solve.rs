@@ -331,13 +331,21 @@ impl Guess {
         let share = vehicle.mass * STANDARD_GRAVITY / vehicle.rotors.len() as f64;
         let mut collective = 0.0;
         for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
+            if rotor.coefficients.is_some() {
+                if let Some(start) = places.speed {
+                    state[start] = rotor.speed;
+                }
+                continue;
+            }
             let c_t = share / rotor.force_scale();
             let mu = condition.horizontal_speed() / rotor.tip_speed();
             let mut lambda = (c_t / 2.0).sqrt();
             for _ in 0..20 {
                 lambda = 0.5 * (lambda + c_t / (2.0 * (mu * mu + lambda * lambda).sqrt()));
             }
-            state[places.self_inflow] = lambda;
+            if let Some(start) = places.self_inflow {
+                state[start] = lambda;
+            }
             if let Some(start) = places.total_inflow {
                 state[start] = lambda;
             }
@@ -346,6 +354,9 @@ impl Guess {
             }
             collective += rotor.collective_estimate(c_t, lambda) / vehicle.rotors.len() as f64;
         }
+        if let Some(stick) = speed_estimate(vehicle, share) {
+            return Self { state, sticks: [0.0, 0.0, stick, 0.0], steps: None, jacobian: None };
+        }
         let count = vehicle.rotors.len() as f64;
         let gain = vehicle.controls.mix.iter().map(|mix| mix.theta_0[2]).sum::<f64>() / count;
         let rigging = vehicle.controls.mix.iter().map(|mix| mix.rigging[0]).sum::<f64>() / count;
@@ -353,6 +364,19 @@ impl Guess {
         let [low, high] = vehicle.controls.stick_limits[2];
         Self { state, sticks: [0.0, 0.0, stick.clamp(low, high), 0.0], steps: None, jacobian: None }
     }
+}
+
+/// Collective stick, %, at which rotors by coefficients carry a share of the
+/// weight each, where it commands their speeds.
+fn speed_estimate(vehicle: &Vehicle, share: f64) -> Option<f64> {
+    let sticks = vehicle.rotors.iter().zip(&vehicle.controls.mix).filter_map(|(rotor, mix)| {
+        let speed = (share / rotor.coefficients?.thrust).sqrt();
+        (rotor.commanded && mix.speed[2] != 0.0).then(|| (speed - mix.speed_rigging) / mix.speed[2])
+    });
+    let sticks: Vec<f64> = sticks.collect();
+    let [low, high] = vehicle.controls.stick_limits[2];
+    let mean = sticks.iter().sum::<f64>() / sticks.len() as f64;
+    (!sticks.is_empty()).then(|| mean.clamp(low, high))
 }
 
 /// Trims a vehicle at a condition from a guess. The step is chosen by its

@@ -41,8 +41,8 @@ pub struct RotorStates {
     /// Where the flap states begin, how many angles they are, and how many
     /// rates, which follow.
     pub flap: [usize; 3],
-    /// λ_s0, λ_s1c, λ_s1s.
-    pub self_inflow: usize,
+    /// λ_s0, λ_s1c, λ_s1s; none for a rotor by coefficients.
+    pub self_inflow: Option<usize>,
     /// λ_0, λ_1c, λ_1s; none where total inflow is algebraic.
     pub total_inflow: Option<usize>,
     /// Ω; none where speed is held.
@@ -50,8 +50,10 @@ pub struct RotorStates {
     /// The azimuth's lead over nominal; none where speed is held, or the rotor
     /// is averaged over its azimuth.
     pub azimuth: Option<usize>,
-    /// θ_0, θ_1c, θ_1s, and Ω_cmd where the speed is governed.
-    pub effectors: usize,
+    /// θ_0, θ_1c, θ_1s; none for a rotor by coefficients.
+    pub pitch: Option<usize>,
+    /// Ω_cmd, where a governor or a motor takes it.
+    pub command: Option<usize>,
 }
 
 /// States and blade controls of a vehicle, in order.
@@ -102,12 +104,16 @@ impl Layout {
             for rate in &rates {
                 push(&mut states, name(rate), Kind::AngularRateRad, 0.02 * rotor.speed);
             }
-            let self_inflow = states.len();
-            for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
-                push(&mut states, name(state), Kind::Dimensionless, 0.01);
-            }
+            let bladed = rotor.coefficients.is_none();
+            let self_inflow = bladed.then(|| {
+                let start = states.len();
+                for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
+                    push(&mut states, name(state), Kind::Dimensionless, 0.01);
+                }
+                start
+            });
             let total_inflow =
-                matches!(inflow.total_inflow, TotalInflow::LowPass { .. }).then(|| {
+                (bladed && matches!(inflow.total_inflow, TotalInflow::LowPass { .. })).then(|| {
                     let start = states.len();
                     for state in ["lambda_0", "lambda_1c", "lambda_1s"] {
                         push(&mut states, name(state), Kind::Dimensionless, 0.01);
@@ -124,13 +130,18 @@ impl Layout {
                 push(&mut states, name("azimuth"), Kind::AngleRad, 0.1);
                 start
             });
-            let first_effector = effectors.len();
-            for control in ["theta_0", "theta_1c", "theta_1s"] {
-                push(&mut effectors, name(control), Kind::AngleRad, 0.01);
-            }
-            if rotor.governor_time_constant.is_some() {
+            let pitch = bladed.then(|| {
+                let start = effectors.len();
+                for control in ["theta_0", "theta_1c", "theta_1s"] {
+                    push(&mut effectors, name(control), Kind::AngleRad, 0.01);
+                }
+                start
+            });
+            let command = rotor.governor_time_constant.map(|_| {
+                let start = effectors.len();
                 push(&mut effectors, name("omega_command"), Kind::AngularRateRad, 1.0);
-            }
+                start
+            });
             places.push(RotorStates {
                 flapping,
                 coning,
@@ -139,7 +150,8 @@ impl Layout {
                 total_inflow,
                 speed,
                 azimuth,
-                effectors: first_effector,
+                pitch,
+                command,
             });
         }
         Self { states, effectors, rotors: places }

@@ -272,7 +272,9 @@ impl Vehicle {
         let built: Vec<Result<Option<Interference>, VehicleError>> = pairs
             .par_iter()
             .map(|&(i, j)| {
-                if i == j || !self.inflow.interactions {
+                let bladed = |rotor: &Rotor| rotor.coefficients.is_none();
+                let both = bladed(&self.rotors[i]) && bladed(&self.rotors[j]);
+                if i == j || !self.inflow.interactions || !both {
                     return Ok(None);
                 }
                 let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
@@ -396,19 +398,28 @@ impl Vehicle {
         self.rotors.iter().map(|rotor| vec![Blade::default(); count(rotor)]).collect()
     }
 
-    /// Blade controls from stick positions in percent: rigging plus mix;
-    /// commanded rotor speeds stay nominal.
+    /// Blade controls and commanded speeds from stick positions in percent:
+    /// rigging plus mix. A governor's speed stays nominal.
     pub fn mix<S: Scalar>(&self, sticks: &[S; 4], effectors: &mut [S]) {
         for (index, rotor) in self.rotors.iter().enumerate() {
             let mix = &self.controls.mix[index];
-            let start = self.layout.rotors[index].effectors;
-            for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
-                let value = mix.rigging[k]
-                    + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
-                effectors[start + k] = S::chain(value, row, sticks);
+            let places = &self.layout.rotors[index];
+            let geared = |rigging: f64, row: &[f64; 4]| {
+                let value =
+                    rigging + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
+                S::chain(value, row, sticks)
+            };
+            if let Some(start) = places.pitch {
+                for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
+                    effectors[start + k] = geared(mix.rigging[k], row);
+                }
             }
-            if rotor.governor_time_constant.is_some() {
-                effectors[start + 3] = S::constant(rotor.speed);
+            if let Some(place) = places.command {
+                effectors[place] = if rotor.commanded {
+                    geared(mix.speed_rigging, &mix.speed)
+                } else {
+                    S::constant(rotor.speed)
+                };
             }
         }
     }
@@ -469,8 +480,9 @@ impl Vehicle {
             let shaft = &work.shaft[index];
             let ([vx, vy, vz], [p, q, r]) = (work.hub[index][0].0, work.hub[index][1].0);
             let [l0, l1c, l1s] = work.inflow[index];
-            let at = places.effectors;
-            let (t0, t1c, t1s) = (effectors[at], effectors[at + 1], effectors[at + 2]);
+            let [t0, t1c, t1s] = places
+                .pitch
+                .map_or([zero; 3], |at| [effectors[at], effectors[at + 1], effectors[at + 2]]);
             let [b1c, b1s] = flapping;
             let air_rate_hub = rotor.frame.rate_hub(motion.rate);
             let input = [vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s];
@@ -501,10 +513,10 @@ impl Vehicle {
             let c_m = work.loads[index].pitch_coefficient;
 
             let drive = [c_t, -c_m, -c_l];
+            let Some(own) = places.self_inflow else { continue };
             for (k, &load) in drive.iter().enumerate() {
                 let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
-                rates[places.self_inflow + k] =
-                    (load - work.wake[index].balance[k]) * (rotor.speed / mass);
+                rates[own + k] = (load - work.wake[index].balance[k]) * (rotor.speed / mass);
             }
             if let (Some(start), TotalInflow::LowPass { bandwidth }) =
                 (places.total_inflow, self.inflow.total_inflow)
@@ -723,7 +735,7 @@ impl Vehicle {
                     None => S::constant(angle).sin_cos(),
                 };
                 let speed = state[start];
-                let command = effectors[places.effectors + 3];
+                let command = places.command.map_or(speed, |place| effectors[place]);
                 let acceleration = (command - speed) * (1.0 / time_constant);
                 Shaft { speed, acceleration, sine, cosine }
             }
@@ -743,7 +755,7 @@ impl Vehicle {
     #[inline(always)]
     fn wakes<S: Scalar>(&self, state: &[S], work: &mut Workspace<S>) {
         for (index, places) in self.layout.rotors.iter().enumerate() {
-            let own = places.self_inflow;
+            let Some(own) = places.self_inflow else { continue };
             let start = places.total_inflow.unwrap_or(own);
             work.inflow[index] = [state[start], state[start + 1], state[start + 2]];
         }
@@ -754,7 +766,7 @@ impl Vehicle {
         let mut settled = false;
         for _ in 0..rounds {
             for (index, rotor) in self.rotors.iter().enumerate() {
-                let own = self.layout.rotors[index].self_inflow;
+                let Some(own) = self.layout.rotors[index].self_inflow else { continue };
                 let scale = 1.0 / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
@@ -774,7 +786,7 @@ impl Vehicle {
             }
             let mut change = 0.0_f64;
             for (index, places) in self.layout.rotors.iter().enumerate() {
-                let own = places.self_inflow;
+                let Some(own) = places.self_inflow else { continue };
                 let mut total = [state[own], state[own + 1], state[own + 2]];
                 for (source, table) in self.interference[index].iter().enumerate() {
                     if let Some(table) = table {

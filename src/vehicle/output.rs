@@ -92,9 +92,10 @@ impl Vehicle {
                 let force_hub = (work.loads[index].force_hub + force).0;
                 let moment_hub = (work.loads[index].moment_hub + moment).0;
                 let flapping = places.flapping.map_or([0.0; 2], |at| [state[at], state[at + 1]]);
-                let at = places.effectors;
-                let pitch = [effectors[at], effectors[at + 1], effectors[at + 2]];
-                let own = places.self_inflow;
+                let three = |list: &[f64], at: Option<usize>| {
+                    at.map_or([0.0; 3], |at| [list[at], list[at + 1], list[at + 2]])
+                };
+                let pitch = three(effectors, places.pitch);
                 let shaft = &work.shaft[index];
                 let input = RotorInput {
                     velocity_hub: work.hub[index][0],
@@ -105,16 +106,22 @@ impl Vehicle {
                     pitch,
                 };
                 let set = &work.sets[index];
-                let blades = match rotor.set {
+                let mut blades = match rotor.set {
                     Some(_) => rotor.power_of(&input, shaft, |k| [set[k].angle, set[k].rate]),
                     None => rotor.blade_power(&input, shaft),
                 };
+                if rotor.coefficients.is_some() {
+                    // What a rotor without blades takes from its shaft and its motion.
+                    let hub = input.velocity_hub;
+                    let along = Vec3([force_hub[0], force_hub[1], 0.0]);
+                    blades.profile = moment_hub[2] * shaft.speed - along.dot(hub);
+                }
                 RotorOutput {
                     thrust: -force_hub[2],
                     torque: moment_hub[2],
                     power: moment_hub[2] * shaft.speed,
                     inflow: work.inflow[index],
-                    self_inflow: [state[own], state[own + 1], state[own + 2]],
+                    self_inflow: three(state, places.self_inflow),
                     flapping,
                     pitch,
                     force_hub,

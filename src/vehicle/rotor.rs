@@ -27,7 +27,7 @@
 //! place: `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, Formulation, HubKind, Spanwise, TeeterEquation};
+use crate::problem::{self, Formulation, HubKind, RotorCoefficients, Spanwise, TeeterEquation};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -108,8 +108,12 @@ pub struct Rotor {
     pub blades: usize,
     /// Azimuth of blade 1 at reference azimuth zero, rad.
     pub azimuth_offset: f64,
-    /// Governor time constant, s; none holds the speed.
+    /// Time constant of a governor or a motor, s; none holds the speed.
     pub governor_time_constant: Option<f64>,
+    /// Whether the sticks command the speed.
+    pub commanded: bool,
+    /// Thrust and torque by coefficients in place of blades.
+    pub coefficients: Option<RotorCoefficients>,
     /// Teetering, or rigid.
     pub teetering: bool,
     /// Azimuths, evenly over the turn, whose mean stands for the blades of a
@@ -352,7 +356,12 @@ impl Rotor {
             speed: rotor.speed,
             blades: rotor.blades,
             azimuth_offset: rotor.azimuth_offset,
-            governor_time_constant: rotor.governor.map(|g| g.time_constant),
+            governor_time_constant: rotor
+                .governor
+                .map(|governor| governor.time_constant)
+                .or(rotor.motor.map(|motor| motor.time_constant)),
+            commanded: rotor.motor.is_some(),
+            coefficients: rotor.coefficients,
             teetering,
             evaluated: rotor.blades,
             averaged: false,
@@ -384,6 +393,15 @@ impl Rotor {
             sound_speed: air.sound_speed,
             density: air.density,
         };
+        if let Some(RotorCoefficients { inertia, .. }) = rotor.coefficients {
+            return Ok(Self {
+                inertia: [0.5 * inertia, 0.5 * inertia, inertia],
+                evaluated: 0,
+                averaged: true,
+                azimuth_offset: 0.0,
+                ..built
+            });
+        }
         let one_body = matches!(rotor.hub_kind, HubKind::Teetering { .. } | HubKind::Rigid);
         Ok(if one_body { built } else { built.one_by_one(rotor, rotor.blades) })
     }
@@ -434,6 +452,9 @@ impl Rotor {
         air: &Air,
     ) -> Result<Self, VehicleError> {
         let plain = Self::new(rotor, formulation, center_of_gravity, air)?;
+        if plain.coefficients.is_some() {
+            return Ok(plain);
+        }
         let exact = plain.spread_evenly(MOST_AZIMUTHS).sample_loads();
         let scale = exact[2].abs();
         let near = |count: &usize| {
@@ -612,6 +633,13 @@ impl Rotor {
             let ([fx, fy, fz], [mx, my, mz]) = self.blade_forces(&flow, &flap, s, c);
             force += Vec3([-(c * fx + s * fy), s * fx - c * fy, fz]);
             moment += Vec3([-(c * mx + s * my), s * mx - c * my, mz]);
+        }
+
+        if let Some(rotor) = &self.coefficients {
+            let thrust = omega * omega * rotor.thrust;
+            let drag = omega * -rotor.drag;
+            force += Vec3([vx * drag, vy * drag, -thrust]);
+            moment += Vec3([S::default(), S::default(), thrust * rotor.torque]);
         }
 
         // The blades as one rigid body in the T frame of blade 1.

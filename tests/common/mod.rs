@@ -74,7 +74,9 @@ pub fn lively(vehicle: &Vehicle) -> (Vec<f64>, Vec<f64>) {
             put(start, &[0.03, 0.021, -0.013, 0.008, -0.005][..angles.min(5)]);
             put(start + angles, &[0.2, -0.3, 0.4, 0.1, -0.2][..rates.min(5)]);
         }
-        put(places.self_inflow, &[0.023, 0.007, -0.004]);
+        if let Some(start) = places.self_inflow {
+            put(start, &[0.023, 0.007, -0.004]);
+        }
         if let Some(start) = places.total_inflow {
             put(start, &[0.037, 0.009, -0.003]);
         }
@@ -84,10 +86,11 @@ pub fn lively(vehicle: &Vehicle) -> (Vec<f64>, Vec<f64>) {
         if let Some(place) = places.azimuth {
             state[place] = 0.17 * vary;
         }
-        let at = places.effectors;
-        effectors[at..at + 3].copy_from_slice(&[0.16 * vary, 0.011 * vary, -0.019 * vary]);
-        if rotor.governor_time_constant.is_some() {
-            effectors[at + 3] = rotor.speed + 1.3;
+        if let Some(at) = places.pitch {
+            effectors[at..at + 3].copy_from_slice(&[0.16 * vary, 0.011 * vary, -0.019 * vary]);
+        }
+        if let Some(place) = places.command {
+            effectors[place] = rotor.speed + 1.3;
         }
     }
     (state, effectors)
