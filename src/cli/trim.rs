@@ -10,7 +10,7 @@ use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
 use coaxdesign::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
 use coaxdesign::units::{Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;

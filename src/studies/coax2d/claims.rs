@@ -5,16 +5,15 @@
 //! the text says of the model's own curves can be looked at; what it says of
 //! flight cannot.
 
-use super::claims::{Bound, Claim};
+use crate::linear::dense::eigenvalues;
 use crate::linear::frequency::{Bode, compare, log_grid};
 use crate::linear::{LinearError, StateSpace};
 use crate::problem::STICKS;
 use crate::trim::TrimPoint;
 use crate::units::KNOT;
+use crate::validation::{Bound, Claim};
 use crate::vehicle::Layout;
 use nalgebra::Complex;
-
-use crate::linear::dense::eigenvalues;
 
 /// Frequencies at which Fig. 16 is compared, rad/s: from where the paper says
 /// that interactions raise the gain, to where the rotor's own modes begin.

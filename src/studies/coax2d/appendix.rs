@@ -1,16 +1,14 @@
-//! The residualised models printed in the source paper's appendix.
+//! The residualised models printed in the paper's appendix.
 //!
-//! Kreienkamp, Saetti, Özkurt and Fichter, "Flight Dynamics and Control of a
-//! Coaxial-Teetering Rotor Ultralight Helicopter with Rotor-on-Rotor
-//! Interactions": rotor-on-rotor interactions on, states u, v, w (ft/s),
-//! p, q, r (rad/s), φ, θ (rad), inputs in percent of stick. Four decimals are
-//! printed, so that an entry is known to ±5·10⁻⁵.
+//! Rotor-on-rotor interactions are on, the states are u, v, w (ft/s), p, q, r
+//! (rad/s), φ, θ (rad), the inputs percent of stick. Four decimals are printed,
+//! so that an entry is known to ±5·10⁻⁵. The numbers stand once, in
+//! `appendix.json`.
 
-use nalgebra::DMatrix;
-
-use super::LinearError;
-use super::model::{Channel, Matrices, StateSpace};
-use crate::units::{Kind, System};
+use crate::linear::io::set_from_json;
+use crate::linear::set::Interpolation;
+use crate::linear::{Channel, LinearError, StateSpace};
+use crate::units::{KNOT, System};
 
 /// Half a unit of the last printed decimal, in the printed units.
 pub const PRINTED_PRECISION: f64 = 5e-5;
@@ -43,95 +41,18 @@ impl Condition {
     }
 }
 
-/// System matrix at hover, ft, s, rad.
-#[rustfmt::skip]
-const A_HOVER: [[f64; 8]; 8] = [
-    [-0.0079,  0.0098,  0.0014,  0.2365,  0.6854,  0.0287,  0.0,    -32.17],
-    [ 0.0045, -0.0099,  0.0007, -0.3045, -0.0294, -0.0154, 32.17,     0.0],
-    [-0.0639,  0.0021, -0.0172, -0.0150,  0.3094,  0.1049,  0.0015,  -0.0084],
-    [-0.0014, -0.0013, -0.0008, -0.1126,  0.1021, -0.0225,  0.0,      0.0],
-    [ 0.0005, -0.0014, -0.0003, -0.0653, -0.0957, -0.0056,  0.0,      0.0],
-    [ 0.0006,  0.0004, -0.0036, -0.0201,  0.0139, -0.0946,  0.0,      0.0],
-    [ 0.0,     0.0,     0.0,     1.0,     0.0,     0.0003,  0.0,      0.0],
-    [ 0.0,     0.0,     0.0,     0.0,     1.0,     0.0,     0.0,      0.0],
-];
-
-/// Control matrix at hover, ft, s, rad, percent.
-#[rustfmt::skip]
-const B_HOVER: [[f64; 4]; 8] = [
-    [ 0.0194, -0.6596, -0.0004, 0.0],
-    [ 0.2363,  0.0001, -0.0001, 0.0],
-    [-0.0015, -0.0631, -1.6552, 0.3480],
-    [ 0.1839,  0.0006, -0.0002, 0.0049],
-    [-0.0014,  0.0814,  0.0001, 0.0],
-    [ 0.0379,  0.0014, -0.0009, 0.0256],
-    [ 0.0,     0.0,     0.0,    0.0],
-    [ 0.0,     0.0,     0.0,    0.0],
-];
-
-/// System matrix in forward flight, ft, s, rad.
-#[rustfmt::skip]
-const A_FORWARD: [[f64; 8]; 8] = [
-    [-0.0764,  0.0,     0.0569, -0.0032,   8.7042,    0.0041,   0.0,    -32.1016],
-    [-0.0003, -0.0983,  0.0008, -8.4619,   0.0021, -117.2804,  32.1016,  -0.0013],
-    [ 0.0478, -0.0002, -1.5518,  0.0773, 117.1017,    0.0140,   0.0199,   2.0971],
-    [ 0.0002,  0.0107,  0.0009, -0.2150,   0.0491,   -0.1385,   0.0,      0.0],
-    [ 0.0031,  0.0002, -0.0322, -0.0308,  -0.3888,   -0.0065,   0.0,      0.0],
-    [ 0.0,     0.0357,  0.0005, -0.1600,   0.0065,   -0.4482,   0.0,      0.0],
-    [ 0.0,     0.0,     0.0,     1.0,      0.0,      -0.0653,   0.0,      0.0],
-    [ 0.0,     0.0,     0.0,     0.0,      1.0,       0.0006,   0.0,      0.0],
-];
-
-/// Control matrix in forward flight, ft, s, rad, percent.
-#[rustfmt::skip]
-const B_FORWARD: [[f64; 4]; 8] = [
-    [ 0.0238, -0.3477,  0.1617, -0.0356],
-    [ 0.0045,  0.0046,  0.0031, -0.0013],
-    [-0.1717, -4.0453, -2.8214,  0.6238],
-    [ 0.1343,  0.0018, -0.0006,  0.0039],
-    [-0.0021,  0.0412, -0.0190,  0.0060],
-    [ 0.0276,  0.0006, -0.0001,  0.0204],
-    [ 0.0,     0.0,     0.0,     0.0],
-    [ 0.0,     0.0,     0.0,     0.0],
-];
+/// The printed models as a file of the schema
+/// [`LTI_SET_SCHEMA`](crate::linear::io::LTI_SET_SCHEMA), in the printed units:
+/// hover, then forward flight at the speed that its own entries imply.
+pub const MODELS: &str = include_str!("appendix.json");
 
 /// The printed model as a state-space model, in SI units inside.
+///
+/// # Errors
+/// None in practice: a test reads the file.
 pub fn appendix(condition: Condition) -> Result<StateSpace, LinearError> {
-    let (a, b) = match condition {
-        Condition::Hover => (A_HOVER, B_HOVER),
-        Condition::Forward => (A_FORWARD, B_FORWARD),
-    };
-    let states = state_channels();
-    let inputs =
-        ["lat", "lon", "col", "ped"].map(|name| Channel::new(name, Kind::Percent)).to_vec();
-    StateSpace::from_matrices_in(
-        System::Us,
-        states.clone(),
-        inputs,
-        states,
-        Matrices {
-            a: DMatrix::from_fn(8, 8, |i, j| a[i][j]),
-            b: DMatrix::from_fn(8, 4, |i, j| b[i][j]),
-            c: DMatrix::identity(8, 8),
-            d: DMatrix::zeros(8, 4),
-        },
-    )
-}
-
-/// The eight rigid-body states in the paper's order.
-pub fn state_channels() -> Vec<Channel> {
-    [
-        ("u", Kind::Velocity),
-        ("v", Kind::Velocity),
-        ("w", Kind::Velocity),
-        ("p", Kind::AngularRateRad),
-        ("q", Kind::AngularRateRad),
-        ("r", Kind::AngularRateRad),
-        ("phi", Kind::AngleRad),
-        ("theta", Kind::AngleRad),
-    ]
-    .map(|(name, kind)| Channel::new(name, kind))
-    .to_vec()
+    let set = set_from_json(MODELS)?;
+    set.at(condition.implied_speed_kt() * KNOT, Interpolation::Linear)
 }
 
 /// One entry of A or B, printed and computed.
@@ -155,7 +76,7 @@ impl Entry {
 }
 
 /// Every printed entry of A and B larger than `threshold` in the printed units
-/// (the issue of entries below 0.01 is rounding), beside the model's.
+/// (entries below 0.01 have few digits), beside the model's.
 ///
 /// # Errors
 /// A model without the eight states and four sticks by name.
@@ -203,6 +124,7 @@ fn push(
 mod tests {
     use super::*;
     use crate::linear::dense::eigenvalues;
+    use crate::linear::modes::{ModeName, modes};
 
     #[test]
     fn the_model_agrees_with_itself() {
@@ -237,5 +159,31 @@ mod tests {
         let unstable = values.iter().filter(|z| z.re > 0.0 && z.im > 0.0).count();
         assert_eq!(unstable, 2);
         assert_eq!(values.len(), 8);
+    }
+
+    #[test]
+    fn val_appendix_modes_have_the_structure_of_the_text() {
+        // Hover: two unstable oscillations, one damped coupled pair, and two
+        // slow subsidences (Figure 15 and its discussion).
+        let hover: Vec<_> = modes(&appendix(Condition::Hover).unwrap())
+            .unwrap()
+            .into_iter()
+            .map(|m| m.name)
+            .collect();
+        let count = |name| hover.iter().filter(|n| **n == Some(name)).count();
+        assert_eq!(count(ModeName::CoupledOscillation), 2, "{hover:?}");
+        assert_eq!(count(ModeName::CoupledSubsidence), 1);
+        assert_eq!(count(ModeName::HeaveYawSubsidence), 2);
+        // Forward: the classical set.
+        let forward: Vec<_> = modes(&appendix(Condition::Forward).unwrap())
+            .unwrap()
+            .into_iter()
+            .map(|m| m.name)
+            .collect();
+        for name in
+            [ModeName::Phugoid, ModeName::ShortPeriod, ModeName::DutchRoll, ModeName::SpiralRoll]
+        {
+            assert!(forward.contains(&Some(name)), "{name:?} in {forward:?}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Entries of the printed matrices beside those of a model.
 
-use crate::linear::reference::{Condition, Entry, compare_with_appendix};
+use super::appendix::{Condition, Entry, compare_with_appendix};
 use crate::linear::{LinearError, StateSpace};
 
 /// Printed entries of A and B above this, in the printed units, are judged by

@@ -2,9 +2,9 @@
 
 use nalgebra::{Complex, DMatrix};
 
+use super::appendix::PRINTED_PRECISION;
 use crate::linear::dense::{eigen, eigenvalues};
 use crate::linear::modes::{Mode, ModeName, modes};
-use crate::linear::reference::PRINTED_PRECISION;
 use crate::linear::{LinearError, StateSpace};
 use crate::units::System;
 
@@ -176,7 +176,7 @@ fn rounding(printed: &StateSpace, modes: &[Mode]) -> Result<Vec<f64>, LinearErro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::reference::{Condition, appendix};
+    use crate::studies::coax2d::appendix::{Condition, appendix};
 
     #[test]
     fn a_model_pairs_with_itself() {

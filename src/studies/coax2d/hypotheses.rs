@@ -1,35 +1,30 @@
 //! Hypotheses about why a number of ours is not the printed one, each tried by
 //! one change to `coax2d-appendix` and the figures that it moves.
 //!
-//! A hypothesis is a problem file of `problems/hypotheses`; its first comment
+//! A hypothesis is a problem file of the folder `hypotheses`; its first comment
 //! says what is changed. Whoever doubts a figure runs the file:
 //!
 //! ```sh
-//! coaxdesign linearize problems/hypotheses/changed-sign.toml --speed "0 kt" --reduce residualize
+//! coaxdesign linearize src/studies/coax2d/hypotheses/changed-sign.toml --speed "0 kt" --reduce residualize
 //! ```
 
-use super::entries::{Entries, judged_entries};
-use super::level::LevelFlight;
-use super::{ValidationError, entries};
+use super::appendix::{Condition, appendix};
+use super::entries::{self, Entries, judged_entries};
+use super::table2::HOVER_ON;
 use crate::linear::harmonic::mean_and_harmonics;
 use crate::linear::reduction::{RIGID_BODY, residualise};
-use crate::linear::reference::{Condition, appendix};
 use crate::linear::{LinearError, StateSpace};
 use crate::problem::{self, Problem};
 use crate::trim::TrimPoint;
-use crate::trim::reference::HOVER_ON;
 use crate::units::{HORSEPOWER, POUND_FORCE, System};
+use crate::validation::{LevelFlight, ValidationError};
 use crate::vehicle::Layout;
 use rayon::prelude::*;
 
 /// Name of the problem that every hypothesis changes.
 pub const BASE: &str = "coax2d-appendix";
-/// Name of the hypothesis that changes how the model is averaged, which no
-/// file says: evenly spaced azimuths that hold both ends of the revolution, so
-/// that azimuth zero counts twice.
-pub const BOTH_ENDS: &str = "both-ends";
-/// Azimuths of a revolution in that hypothesis.
-const AZIMUTHS: f64 = 37.0;
+/// Folder of the hypotheses in the source tree.
+pub const FOLDER: &str = "src/studies/coax2d/hypotheses";
 /// Name of the hypothesis that the printed reduction took out the part of the
 /// states that goes twice a revolution as well, where the mean leaves it out.
 pub const HARMONICS: &str = "harmonics";
@@ -47,7 +42,7 @@ macro_rules! hypotheses {
     ($($name:literal),+ $(,)?) => {
         &[$(Hypothesis {
             name: $name,
-            text: include_str!(concat!("../../problems/hypotheses/", $name, ".toml")),
+            text: include_str!(concat!("hypotheses/", $name, ".toml")),
         }),+]
     };
 }
@@ -70,7 +65,6 @@ pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "printed-hubs",
     "printed-inertia",
     "skews-19",
-    "small-angles",
     "torque-tilt",
     "total-mass-flow",
 ];
@@ -94,7 +88,7 @@ impl Hypothesis {
     /// # Errors
     /// None in practice: a test holds the files to the checks.
     pub fn problem(&self) -> Result<Problem, ValidationError> {
-        let path = format!("hypotheses/{}.toml", self.name);
+        let path = format!("{FOLDER}/{}.toml", self.name);
         Ok(problem::parse_beside_builtin(&path, self.text)?.problem)
     }
 }
@@ -252,10 +246,8 @@ pub const STUDIES: [Study; 6] = {
                 "skews-19",
                 "converged-rule",
                 HARMONICS,
-                BOTH_ENDS,
                 "no-root-cutout",
                 "linear-section",
-                "small-angles",
                 "torque-tilt",
                 "exact-teeter",
                 "total-mass-flow",
@@ -274,14 +266,7 @@ pub const STUDIES: [Study; 6] = {
                 HalfDifference([("u", "v"), ("v", "u")]),
                 HalfSum([("u", "v"), ("v", "u")]),
             ],
-            hypotheses: &[
-                "changed-sign",
-                "circles-21",
-                "skews-19",
-                "converged-rule",
-                HARMONICS,
-                BOTH_ENDS,
-            ],
+            hypotheses: &["changed-sign", "circles-21", "skews-19", "converged-rule", HARMONICS],
         },
         Study {
             name: "speed",
@@ -297,7 +282,6 @@ pub const STUDIES: [Study; 6] = {
             hypotheses: &[
                 "linear-section",
                 "no-blade-drag",
-                "small-angles",
                 "no-root-cutout",
                 "changed-sign",
                 "skews-19",
@@ -357,7 +341,6 @@ pub const STUDIES: [Study; 6] = {
                 "no-tail-wash",
                 "no-tail-wash-drag",
                 "linear-section",
-                "small-angles",
                 "no-root-cutout",
                 "printed-hubs",
                 "torque-tilt",
@@ -418,10 +401,6 @@ impl Study {
         let flight = LevelFlight::of(&problem, self.condition.implied_speed_kt(), true)?;
         let (change, model) = match hypothesis {
             Some(hypothesis) => (hypothesis.change(), flight.reduced),
-            None if name == BOTH_ENDS => (
-                "A mean over 37 azimuths from 0 to 360 deg, both ends among them.".into(),
-                with_both_ends(&flight)?,
-            ),
             None if name == HARMONICS => (
                 "States that go twice a revolution are residualised too, not left out.".into(),
                 with_harmonics(&flight)?,
@@ -439,23 +418,6 @@ impl Study {
     }
 }
 
-/// The residualised model of a mean over evenly spaced azimuths that holds both
-/// ends of the revolution, so that azimuth zero counts twice.
-fn with_both_ends(flight: &LevelFlight) -> Result<StateSpace, LinearError> {
-    let mean = &flight.averaged;
-    let first = &flight.periodic.samples()[0];
-    let twice = |mean: &nalgebra::DMatrix<f64>, first: &nalgebra::DMatrix<f64>| {
-        (mean * (AZIMUTHS - 1.0) + first) / AZIMUTHS
-    };
-    let model = StateSpace::with_state_outputs(
-        mean.states().to_vec(),
-        mean.inputs().to_vec(),
-        twice(mean.a(), &first.a),
-        twice(mean.b(), &first.b),
-    )?;
-    Ok(residualise(&model, &RIGID_BODY)?.model)
-}
-
 /// The residualised model of the mean and the first harmonic of the period.
 fn with_harmonics(flight: &LevelFlight) -> Result<StateSpace, LinearError> {
     Ok(residualise(&mean_and_harmonics(&flight.periodic, 1)?, &RIGID_BODY)?.model)
@@ -471,7 +433,9 @@ mod tests {
             assert!(hypothesis.change().ends_with('.'), "{}", hypothesis.name);
             let problem = hypothesis.problem().unwrap();
             assert_eq!(problem.name, hypothesis.name);
-            assert!(hypothesis.text.contains("extends = \"../coax2d-appendix.toml\""));
+            assert!(
+                hypothesis.text.contains("extends = \"../../../../problems/coax2d-appendix.toml\"")
+            );
         }
     }
 
@@ -483,10 +447,7 @@ mod tests {
             assert!(tried.contains(&hypothesis.name), "{} is not tried", hypothesis.name);
         }
         for name in tried {
-            assert!(
-                [BOTH_ENDS, HARMONICS].contains(&name) || Hypothesis::named(name).is_some(),
-                "{name}"
-            );
+            assert!(name == HARMONICS || Hypothesis::named(name).is_some(), "{name}");
         }
     }
 

@@ -1,6 +1,4 @@
-//! Hover performance of the CoAX 2D as published: Kreienkamp, Saetti, Özkurt
-//! and Fichter, *Flight Dynamics and Control of a Coaxial-Teetering Rotor
-//! Ultralight Helicopter with Rotor-on-Rotor Interactions*, Table 2.
+//! Hover performance as the paper's Table 2 prints it.
 
 use crate::units::{HORSEPOWER, POUND_FORCE};
 
