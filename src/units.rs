@@ -164,7 +164,7 @@ const fn scaled(symbol: &'static str, factor: f64) -> Display {
 
 impl Kind {
     /// Every kind, for tests and documentation.
-    pub const ALL: [Kind; 29] = [
+    pub const ALL: [Kind; 33] = [
         Kind::Dimensionless,
         Kind::Length,
         Kind::Velocity,

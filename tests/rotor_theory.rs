@@ -234,7 +234,7 @@ fn val_hover_inflow_is_momentum_theory() {
     }
     // Total inflow has arrived.
     assert!(rate(&effectors, at.total_inflow.unwrap()).abs() < 1e-9);
-    effectors[at.effectors] *= 1.1;
+    effectors[at.pitch.unwrap()] *= 1.1;
     assert!(rate(&effectors, at.self_inflow.unwrap()) > 0.01 * scale);
 }
 
