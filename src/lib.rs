@@ -14,6 +14,7 @@
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
+//! * [`studies`]: publications beside our results.
 //! * [`report`]: tables and plots of what the stages found.
 //!
 //! # From a file to a flight
@@ -165,6 +166,7 @@ pub mod problem;
 pub mod report;
 pub mod schedule;
 pub mod simulate;
+pub mod studies;
 pub mod trim;
 pub mod units;
 pub mod validation;

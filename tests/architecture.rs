@@ -22,6 +22,7 @@ const STREET: [&str; 13] = [
     "simulate",
     "export",
     "validation",
+    "studies",
     "report",
 ];
 

@@ -116,7 +116,8 @@ pub fn builtin_named(name: &str) -> Result<Loaded, Report> {
 }
 
 /// Reads a problem from a text that builds on the built-in files: `path` is
-/// where it would stand among them, such as `"variants/mine.toml"`.
+/// where it would stand in the source tree, whose folder `problems` holds them,
+/// such as `"problems/variants/mine.toml"`.
 ///
 /// # Errors
 /// As [`load`].
@@ -151,9 +152,10 @@ impl Library {
         match self {
             Library::Embedded => {
                 let plain = without_parents(path);
+                let name = plain.strip_prefix("problems").unwrap_or(&plain);
                 EMBEDDED
                     .iter()
-                    .find(|(name, _)| Path::new(name) == plain)
+                    .find(|(embedded, _)| Path::new(embedded) == name)
                     .map(|(_, text)| (*text).to_string())
                     .ok_or_else(|| fault("there is no such file", true))
             }

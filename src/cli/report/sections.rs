@@ -20,9 +20,8 @@ use coaxdesign::control::verify::{Row, Verdict};
 use coaxdesign::linear::frequency::{compare, log_grid};
 use coaxdesign::linear::model::{index_of, shown_per_si};
 use coaxdesign::linear::modes::{Mode, modes as modes_of};
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, StateSpace};
-use coaxdesign::problem::{FuselageAerodynamics, Problem, Station, Wing};
+use coaxdesign::problem::{FuselageAerodynamics, Problem, Reference, Station, Wing};
 use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, EigenvalueSet, FrequencyResponse, Marks, bode_figure,
     interference_figure, orbit_figure,
@@ -35,6 +34,7 @@ use coaxdesign::report::three_view::{
     BodyView, Point, RotorView, SurfaceView, VehicleView, three_view_figure,
 };
 use coaxdesign::schedule::hash;
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::trim::TrimPoint;
 use coaxdesign::units::{Kind, STANDARD_GRAVITY, System};
 use coaxdesign::vehicle::frames::{about_x, about_y, body_to_hub, product};
@@ -603,7 +603,7 @@ pub(super) fn modes(inputs: &Inputs, study: &Study) -> Result<Section, CliError>
     for Linear { interactions: on, reduced, .. } in &study.hover {
         add(&interactions(*on), style_of(*on), reduced)?;
     }
-    if inputs.loaded.problem.name.starts_with("coax2d") {
+    if inputs.loaded.problem.reference == Some(Reference::Coax2dPaper) {
         add("paper's appendix, interactions on", PUBLISHED, &appendix(Condition::Hover)?)?;
     }
     let section = Section::new("Modes in hover");
