@@ -4,6 +4,7 @@
 //!
 //! * [`units`]: the only conversion constants, and quantities with units.
 //! * [`numerics`]: interpolation, quadrature, derivatives, least squares, conic programs.
+//! * [`law`]: the control law as a block diagram in data, from which it is stepped, linearised and written.
 //! * [`problem`]: a TOML file becomes checked data, every error of it reported at once.
 //! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
 //! * [`trim`]: the periodic orbit of a flight condition.
@@ -158,6 +159,7 @@
 
 pub mod control;
 pub mod export;
+pub mod law;
 pub mod linear;
 pub mod numerics;
 pub mod problem;

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 const STREET: [&str; 13] = [
     "units",
     "numerics",
+    "law",
     "problem",
     "vehicle",
     "trim",
@@ -26,8 +27,13 @@ const STREET: [&str; 13] = [
 ];
 
 /// What a module may use of those above it, where that is less than all.
-const NARROWER: [(&str, &[&str]); 4] =
-    [("units", &[]), ("numerics", &[]), ("problem", &["units"]), ("report", &["units"])];
+const NARROWER: [(&str, &[&str]); 5] = [
+    ("units", &[]),
+    ("numerics", &[]),
+    ("law", &["units"]),
+    ("problem", &["units"]),
+    ("report", &["units"]),
+];
 
 /// Words that have no place in the code of `numerics`.
 const AIRCRAFT_WORDS: [&str; 9] = [

@@ -6,10 +6,10 @@
 //! value carries its unit.
 
 use super::axis::Channel;
-use super::loops::LawSettings;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
+pub use crate::law::mdi::{LawSettings, TurnCoordination};
 use crate::problem::keys::{
     Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
@@ -111,15 +111,6 @@ pub struct Steps {
     pub yaw: f64,
     /// Vertical velocity, m/s.
     pub heave: f64,
-}
-
-/// The blend of Eq. 75.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnCoordination {
-    /// Middle of the blend, m/s.
-    pub speed: f64,
-    /// Full width of the blend, m/s.
-    pub width: f64,
 }
 
 /// By how much a requirement must be exceeded for a design margin of 100 %.
