@@ -9,6 +9,7 @@
 //! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
 //! * [`trim`]: the periodic orbit of a flight condition.
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
+//! * [`lti`]: linear models from elsewhere, and one stitched model of them.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
@@ -161,6 +162,7 @@ pub mod control;
 pub mod export;
 pub mod law;
 pub mod linear;
+pub mod lti;
 pub mod numerics;
 pub mod problem;
 pub mod report;
