@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 12] = [
+const STREET: [&str; 13] = [
     "units",
     "numerics",
     "problem",
@@ -21,6 +21,7 @@ const STREET: [&str; 12] = [
     "simulate",
     "export",
     "validation",
+    "pipeline",
     "report",
 ];
 
