@@ -8,7 +8,7 @@ use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArg
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline;
-use coaxdesign::problem::{Problem, STICKS};
+use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
@@ -369,9 +369,9 @@ pub(super) struct Published {
     pub printed: f64,
 }
 
-/// Hover beside the published values, for the aircraft they belong to.
+/// Hover beside the published values, for a problem that names the publication.
 pub(super) fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> Option<Vec<Published>> {
-    if !problem.name.to_lowercase().replace([' ', '-', '_'], "").contains("coax2d") {
+    if problem.reference != Some(Reference::Coax2dPaper) {
         return None;
     }
     let mut found = Vec::new();
