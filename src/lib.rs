@@ -14,6 +14,7 @@
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
 //! * [`pipeline`]: all stages, one after the other, as the program runs them.
+//! * [`studies`]: publications beside our results.
 //! * [`report`]: tables and plots of what the stages found.
 //!
 //! # From a file to a flight
@@ -163,6 +164,7 @@ pub mod problem;
 pub mod report;
 pub mod schedule;
 pub mod simulate;
+pub mod studies;
 pub mod trim;
 pub mod units;
 pub mod validation;

@@ -11,7 +11,7 @@ use coaxdesign::pipeline;
 use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
 use coaxdesign::trim::{FlightCondition, Lateral, Status, TrimPoint};
 use coaxdesign::units::{Kind, System, parse_quantity};
 

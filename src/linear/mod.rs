@@ -18,7 +18,6 @@
 //! * [`time_response`]: exact responses to steps and doublets.
 //! * [`set`]: models over speed, interpolated and checked at midpoints.
 //! * [`io`]: JSON, CSV and MAT files.
-//! * [`mod@reference`]: the matrices printed in the source paper's appendix.
 //!
 //! Inside, everything is SI and radians; see [`crate::units`] for the shown
 //! units.
@@ -32,7 +31,6 @@ pub mod linearize;
 pub mod model;
 pub mod modes;
 pub mod reduction;
-pub mod reference;
 pub mod set;
 pub mod structure;
 pub mod time_response;

@@ -20,7 +20,6 @@ use coaxdesign::control::verify::{Row, Verdict};
 use coaxdesign::linear::frequency::{compare, log_grid};
 use coaxdesign::linear::model::{index_of, shown_per_si};
 use coaxdesign::linear::modes::{Mode, modes as modes_of};
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, StateSpace};
 use coaxdesign::pipeline::problem_hash;
 use coaxdesign::problem::{FuselageAerodynamics, Problem, Reference, Station, Wing};
@@ -36,6 +35,7 @@ use coaxdesign::report::three_view::{
     BodyView, Point, RotorView, SurfaceView, VehicleView, three_view_figure,
 };
 use coaxdesign::schedule::hash;
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::trim::TrimPoint;
 use coaxdesign::units::{Kind, STANDARD_GRAVITY, System};
 use coaxdesign::vehicle::frames::{about_x, about_y, body_to_hub, product};
