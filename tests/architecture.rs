@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 15] = [
+const STREET: [&str; 16] = [
     "units",
     "numerics",
     "law",
@@ -23,6 +23,7 @@ const STREET: [&str; 15] = [
     "simulate",
     "export",
     "validation",
+    "pipeline",
     "studies",
     "report",
 ];

@@ -570,6 +570,14 @@ pub static ROOT: Table = Table {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn load(path: &Path) -> Result<Specification, Report> {
+    load_with_text(path).map(|(specification, _)| specification)
+}
+
+/// Reads a specification file; also its text, for its hash.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_text(path: &Path) -> Result<(Specification, String), Report> {
     let whole = |message: String, unreadable| {
         Report::new(
             vec![Diagnostic::whole_file(
@@ -589,7 +597,7 @@ pub fn load(path: &Path) -> Result<Specification, Report> {
         std::fs::read(path).map_err(|e| whole(format!("the file cannot be read: {e}"), true))?;
     let text =
         String::from_utf8(bytes).map_err(|_| whole("the file is not UTF-8 text".into(), false))?;
-    parse(&path.display().to_string(), &text)
+    Ok((parse(&path.display().to_string(), &text)?, text))
 }
 
 /// The built-in specification.
