@@ -10,9 +10,9 @@ use coaxdesign::linear::io::{ModelRecord, to_json, to_mat};
 use coaxdesign::linear::reduction::{
     BalancedOptions, Method, balanced, hankel_singular_values, residualise,
 };
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::structure::zeros;
 use coaxdesign::linear::{Channel, LinearError, StateSpace};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{KNOT, Kind, System};
 use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};

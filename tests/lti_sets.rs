@@ -5,7 +5,7 @@ use coaxdesign::control::spec;
 use coaxdesign::linear::dense::eigenvalues;
 use coaxdesign::linear::io::ModelRecord;
 use coaxdesign::linear::io::{MatFile, set_to_json, set_to_mat, to_csv};
-use coaxdesign::linear::reference::{Condition, appendix};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::linear::set::{ModelSet, TrimValues};
 use coaxdesign::lti::mapping::{Mapping, MissingTrim};
 use coaxdesign::lti::stitch::Stitched;

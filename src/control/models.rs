@@ -107,6 +107,9 @@ pub enum ModelsError {
         /// Greatest speed of the set, kt.
         high: f64,
     },
+    /// The caller asked to stop.
+    #[error("stopped before the end")]
+    Stopped,
 }
 
 /// A model and speed without a trim.
@@ -161,9 +164,25 @@ pub fn build(
     speeds: &[f64],
     progress: &(dyn Fn() + Sync),
 ) -> Result<Built, ModelsError> {
+    build_until(problem, models, speeds, progress, &|| false)
+}
+
+/// As [`build`], but stops between models and speeds once `stop` says so.
+///
+/// # Errors
+/// As [`build`], and [`ModelsError::Stopped`].
+pub fn build_until(
+    problem: &Problem,
+    models: &[ModelSpec],
+    speeds: &[f64],
+    progress: &(dyn Fn() + Sync),
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Built, ModelsError> {
+    let go_on = || if stop() { Err(ModelsError::Stopped) } else { Ok(()) };
     let columns: Vec<Vec<Result<Plant, LeftOut>>> = models
         .par_iter()
         .map(|model| {
+            go_on()?;
             let name = || model.info.name.clone();
             let vehicle_error = |source| ModelsError::Vehicle { model: name(), source };
             let mut vehicle = Vehicle::new(&varied(problem, model)).map_err(vehicle_error)?;
@@ -178,6 +197,7 @@ pub fn build(
                 .into_par_iter()
                 .zip(speeds)
                 .map(|(point, &speed)| {
+                    go_on()?;
                     let reason = point.status.word().to_string();
                     let trim_point = airframe(&point);
                     let Ok(converged) = point.into_converged() else {

@@ -6,10 +6,10 @@
 //! value carries its unit.
 
 use super::axis::Channel;
-use super::loops::LawSettings;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
+pub use crate::law::mdi::{LawSettings, TurnCoordination};
 use crate::lti::mapping::{MODELS_FROM, Mapping};
 use crate::problem::keys::{
     Key, Table, Value, above_below, above_to, default, from_to, optional, required,
@@ -115,15 +115,6 @@ pub struct Steps {
     pub yaw: f64,
     /// Vertical velocity, m/s.
     pub heave: f64,
-}
-
-/// The blend of Eq. 75.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnCoordination {
-    /// Middle of the blend, m/s.
-    pub speed: f64,
-    /// Full width of the blend, m/s.
-    pub width: f64,
 }
 
 /// By how much a requirement must be exceeded for a design margin of 100 %.
@@ -579,6 +570,14 @@ pub static ROOT: Table = Table {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn load(path: &Path) -> Result<Specification, Report> {
+    load_with_text(path).map(|(specification, _)| specification)
+}
+
+/// Reads a specification file; also its text, for its hash.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_text(path: &Path) -> Result<(Specification, String), Report> {
     let whole = |message: String, unreadable| {
         Report::new(
             vec![Diagnostic::whole_file(
@@ -598,7 +597,7 @@ pub fn load(path: &Path) -> Result<Specification, Report> {
         std::fs::read(path).map_err(|e| whole(format!("the file cannot be read: {e}"), true))?;
     let text =
         String::from_utf8(bytes).map_err(|_| whole("the file is not UTF-8 text".into(), false))?;
-    parse(&path.display().to_string(), &text)
+    Ok((parse(&path.display().to_string(), &text)?, text))
 }
 
 /// The built-in specification.

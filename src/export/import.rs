@@ -600,7 +600,7 @@ fn complete(
             }
             values.push(m);
         }
-        tables.push(f.table(values));
+        tables.push(description::table_of(f, values));
     }
     let mut constants = Vec::new();
     for mut c in description::constant_forms() {

@@ -676,13 +676,17 @@ fn numeric(name: &str, dimensions: &[usize], values: &[f64]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::reference::{Condition, appendix};
+
+    /// The models printed for the CoAX 2D: hover and 70 kt.
+    fn printed() -> ModelSet {
+        set_from_json(include_str!("../studies/coax2d/appendix.json")).unwrap()
+    }
 
     fn record() -> ModelRecord {
         ModelRecord {
             speed: 70.0 * KNOT,
             interactions: Some(true),
-            model: appendix(Condition::Forward).unwrap(),
+            model: printed().models()[1].clone(),
             trim: None,
         }
     }
@@ -739,12 +743,7 @@ mod tests {
 
     #[test]
     fn sets_survive_the_round_trip() {
-        let set = ModelSet::new(
-            Some(true),
-            vec![0.0, 70.0 * KNOT],
-            vec![appendix(Condition::Hover).unwrap(), appendix(Condition::Forward).unwrap()],
-        )
-        .unwrap();
+        let set = printed();
         assert_eq!(set_from_json(&set_to_json(&set, System::Si)).unwrap(), set);
     }
 

@@ -19,7 +19,6 @@
 //! * [`set`]: models over speed, interpolated and checked at midpoints.
 //! * [`io`]: JSON, CSV and MAT files.
 //! * [`mat`]: reads MAT files.
-//! * [`mod@reference`]: the matrices printed in the source paper's appendix.
 //!
 //! Inside, everything is SI and radians; see [`crate::units`] for the shown
 //! units.
@@ -34,7 +33,6 @@ pub mod mat;
 pub mod model;
 pub mod modes;
 pub mod reduction;
-pub mod reference;
 pub mod set;
 pub mod structure;
 pub mod time_response;
