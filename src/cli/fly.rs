@@ -7,14 +7,14 @@ use clap::Args;
 
 use super::CliError;
 use super::args::ProblemArgs;
-use super::trim::failures;
+use coaxdesign::control::plant::Hardware;
+use coaxdesign::control::spec;
 use coaxdesign::problem::Loaded;
 use coaxdesign::schedule::Schedule;
-use coaxdesign::simulate::flight::FlightError;
-use coaxdesign::simulate::maneuver::{self, Maneuver};
+use coaxdesign::simulate::flight::{Autopilot, FlightError};
+use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
-use coaxdesign::simulate::setup::SetupError;
-use coaxdesign::simulate::{Setup, SimulationError};
+use coaxdesign::simulate::{Options, SimulationError};
 use coaxdesign::units::{Kind, parse_quantity};
 
 /// The manoeuvre and how it is flown.
@@ -108,15 +108,23 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
     Ok(variation)
 }
 
-/// A flight made ready, and the files it was made of.
+/// Everything that a flight needs but its trim.
 #[derive(Debug)]
 pub struct Ready {
     /// The problem as read.
     pub loaded: Loaded,
+    /// How it is varied.
+    pub variation: Variation,
     /// The schedule, if there is one.
     pub schedule: Option<Schedule>,
-    /// All that the flight needs but its trim.
-    pub setup: Setup,
+    /// Its law.
+    pub autopilot: Option<Autopilot>,
+    /// The manoeuvre as its file has it.
+    pub as_read: Maneuver,
+    /// The manoeuvre in the varied air.
+    pub maneuver: Maneuver,
+    /// How to simulate.
+    pub options: Options,
 }
 
 impl FlyArgs {
@@ -126,45 +134,49 @@ impl FlyArgs {
     /// Files that cannot be read, and arguments that make no sense.
     pub fn ready(&self, quiet: bool) -> Result<Ready, CliError> {
         let variation = variation(&self.model)?;
-        let maneuver = load_maneuver(&self.maneuver)?;
+        let as_read = load_maneuver(&self.maneuver)?;
+        let maneuver = variation.fly_in(&as_read);
         let problem = ProblemArgs { file: Some(self.problem.clone()) };
         let loaded = problem.load_with_warnings(quiet)?;
         let schedule = self.design.as_deref().map(load_schedule).transpose()?;
-        let mut setup = Setup::new(loaded.problem.clone(), schedule.as_ref(), maneuver, variation)
-            .map_err(setup_error)?;
-        if let Some(text) = &self.pitch_rate_limit {
-            setup.options.pitch_rate_limit =
+        if maneuver.mode != Mode::OpenLoop && schedule.is_none() {
+            return Err(CliError::Usage {
+                message: "the manoeuvre is flown by a control law, but no design is given".into(),
+                help: "name a design, such as `coaxdesign simulate designs/coax2d --maneuver \
+                       ...`; `coaxdesign tune-gains -o DIR` makes one"
+                    .into(),
+            });
+        }
+        let autopilot = match &schedule {
+            Some(schedule) => Some(Autopilot {
+                table: schedule.law().map_err(|error| CliError::Usage {
+                    message: error.to_string(),
+                    help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
+                })?,
+                stick_limits: schedule.stick_limits,
+            }),
+            None => None,
+        };
+        let specification = spec::builtin()?;
+        let hardware: Hardware =
+            schedule.as_ref().map_or(specification.hardware, |schedule| schedule.hardware);
+        let rate_limit = match &self.pitch_rate_limit {
+            None => specification.pitch_rate_limit,
+            Some(text) => {
                 parse_quantity(text, Kind::AngularRate).map_err(|error| CliError::Usage {
                     message: format!("--pitch-rate-limit {text:?}: {error}"),
                     help: error.help(),
-                })?;
-        }
-        setup.options.control_rate = self.control_rate;
-        setup.options.steps_per_revolution = self.steps.into();
-        setup.options.seed = self.seed;
-        Ok(Ready { loaded, schedule, setup })
-    }
-}
-
-/// Why a flight cannot be made ready, in the user's terms.
-pub fn setup_error(error: SetupError) -> CliError {
-    match error {
-        SetupError::NoSchedule => CliError::Usage {
-            message: "the manoeuvre is flown by a control law, but no design is given".into(),
-            help: "name a design, such as `coaxdesign simulate designs/coax2d --maneuver ...`; \
-                   `coaxdesign tune-gains -o DIR` makes one"
-                .into(),
-        },
-        SetupError::Schedule(error) => CliError::Usage {
-            message: error.to_string(),
-            help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
-        },
-        SetupError::Specification(report) => report.into(),
-        SetupError::Vehicle(error) => error.into(),
-        SetupError::NoTrim(point) => {
-            CliError::Missed(format!("no trim to start from: {}", failures(&[vec![*point]])))
-        }
-        SetupError::Flight(error) => flight_error(&error),
+                })?
+            }
+        };
+        let options = Options {
+            control_rate: self.control_rate,
+            steps_per_revolution: self.steps.into(),
+            extra_delay: variation.delay,
+            seed: self.seed,
+            ..Options::new(hardware, rate_limit)
+        };
+        Ok(Ready { loaded, variation, schedule, autopilot, as_read, maneuver, options })
     }
 }
 

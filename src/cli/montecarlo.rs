@@ -199,11 +199,11 @@ impl MonteCarlo {
         })?;
         let texts = ready.loaded.sources.files().iter().map(|file| file.text.as_str());
         // The checked manoeuvre and options stand for their texts.
-        let rest = format!("{:?}{:?}", ready.setup.maneuver, ready.setup.options);
+        let rest = format!("{:?}{:?}", ready.maneuver, ready.options);
         let study = hash(texts.chain([schedule.as_str(), rest.as_str()]));
         Ok(Head {
             schema: SCHEMA.into(),
-            maneuver: ready.setup.maneuver.title.clone(),
+            maneuver: ready.maneuver.title.clone(),
             runs: self.runs as usize,
             seed: self.fly.seed,
             ranges,
@@ -216,7 +216,7 @@ impl MonteCarlo {
     fn fly_one(&self, ready: &Ready, head: &Head, index: usize) -> Result<Run, CliError> {
         let (drawn, seed) = draw(index, head.runs, head.seed, &head.ranges);
         // On top of what --model varies for all.
-        let base = &ready.setup.variation;
+        let base = &ready.variation;
         let variation = Variation {
             interactions: base.interactions,
             mass: base.mass * drawn.mass,
@@ -228,7 +228,7 @@ impl MonteCarlo {
             gust: std::array::from_fn(|k| base.gust[k] + drawn.gust[k]),
             governor: base.governor,
         };
-        let maneuver = variation.fly_in(&ready.setup.as_read);
+        let maneuver = variation.fly_in(&ready.as_read);
         let vehicle = variation.vehicle(&ready.loaded.problem)?;
         let mut run = Run {
             run: index,
@@ -248,9 +248,9 @@ impl MonteCarlo {
         let Some(Ok(start)) = found.points.pop().map(|point| point.into_converged()) else {
             return Ok(run);
         };
-        let options = Options { seed, extra_delay: variation.delay, ..ready.setup.options.clone() };
+        let options = Options { seed, extra_delay: variation.delay, ..ready.options.clone() };
         let mut flight =
-            Flight::new(&vehicle, &start, ready.setup.autopilot.as_ref(), &maneuver, &options)
+            Flight::new(&vehicle, &start, ready.autopilot.as_ref(), &maneuver, &options)
                 .map_err(|error| flight_error(&error))?;
         let mut meter = Meter::new(&flight);
         let status = flight.fly(|flight| meter.see(flight));

@@ -10,7 +10,6 @@
 //! * [`metrics`]: what a flight amounts to.
 //! * [`identify`]: frequency responses measured in flight.
 //! * [`steps`]: small steps, flown and predicted.
-//! * [`setup`]: a flight made ready, from problem, law and manoeuvre.
 //! * [`montecarlo`]: many flights with the aircraft and the air varied.
 
 pub mod equipment;
@@ -20,7 +19,6 @@ pub mod maneuver;
 pub mod metrics;
 pub mod montecarlo;
 pub mod record;
-pub mod setup;
 pub mod simulator;
 pub mod steps;
 pub mod wind;
@@ -29,5 +27,4 @@ pub use flight::{Flight, Status};
 pub use maneuver::Maneuver;
 pub use metrics::Metrics;
 pub use record::Recorder;
-pub use setup::Setup;
 pub use simulator::{Departure, Options, SimulationError, Simulator};

@@ -9,13 +9,11 @@
 //! with the exact Jacobian, carried along the integration by dual numbers.
 //!
 //! * [`condition`]: what is asked for.
-//! * [`mod@reference`]: published hover values of the CoAX 2D.
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
 //! * [`mod@sweep`]: many points, each from its neighbour.
 
 pub mod condition;
-pub mod reference;
 pub mod shooting;
 pub mod solve;
 pub mod sweep;
