@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from . import errors, units
 from ._core import __version__
+from .design import Specification, Tuned, Verification, tune, verify
 from .errors import *  # noqa: F403
 from .linear import LinearModels
 from .problem import Problem
@@ -31,12 +32,17 @@ __all__ = [
     "Maneuver",
     "Problem",
     "Schedule",
+    "Specification",
     "Svg",
     "Table",
     "Trim",
+    "Tuned",
     "Variation",
+    "Verification",
     "__version__",
     "simulate",
+    "tune",
+    "verify",
 ]
 __all__ += errors.__all__
 __all__ += units.__all__

@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 Finding = tuple[str, str, int, int, str, str, str]
 Columns = dict[str, tuple[str, NDArray[Any] | list[str]]]
 Flown = tuple[float, float, float | None, float | None]
-Tell = Callable[[int, int], object] | None
+Tell = Callable[[int, int, str], object] | None
 
 __version__: str
 
@@ -114,3 +114,35 @@ def simulate(
     every: int = 1,
     progress: Tell = None,
 ) -> tuple[Columns, str, str]: ...
+
+@final
+class Specification:
+    @staticmethod
+    def builtin() -> Specification: ...
+    @staticmethod
+    def read(path: Path) -> Specification: ...
+    @staticmethod
+    def parse(name: str, text: str) -> Specification: ...
+    def nominal_only(self) -> Specification: ...
+    @property
+    def file(self) -> tuple[str, str]: ...
+    @property
+    def speeds(self) -> list[float]: ...
+    @property
+    def models(self) -> list[str]: ...
+    @property
+    def hash(self) -> str: ...
+
+def tune(
+    problem: Problem,
+    specification: Specification,
+    channels: list[str],
+    explain_all: bool = False,
+    progress: Tell = None,
+) -> tuple[Schedule, str]: ...
+def verify(
+    schedule: Schedule,
+    problem: Problem,
+    specification: Specification,
+    progress: Tell = None,
+) -> str: ...

@@ -28,14 +28,18 @@ def need(module: str, extra: str, purpose: str) -> Any:
         ) from error
 
 
+Tell = Callable[[int, int, str], object]
+
+
 @contextmanager
-def reporting(progress: Progress, label: str) -> Iterator[Callable[[int, int], object] | None]:
-    """The function that long work calls with (parts done, parts in all)."""
+def reporting(progress: Progress, label: str) -> Iterator[Tell | None]:
+    """The function that long work calls with (parts done, parts in all, task)."""
     if progress is None or progress is False:
         yield None
         return
     if callable(progress):
-        yield progress
+        told = progress
+        yield lambda done, total, task: told(done, total)
         return
     try:
         bars = importlib.import_module("tqdm.auto")
@@ -44,16 +48,18 @@ def reporting(progress: Progress, label: str) -> Iterator[Callable[[int, int], o
         return
     with bars.tqdm(desc=label, leave=False) as bar:
 
-        def tell(done: int, total: int) -> None:
-            bar.total = total
+        def tell(done: int, total: int, task: str) -> None:
+            if (bar.total, bar.desc) != (total, task):
+                bar.reset(total)
+                bar.set_description(task, refresh=False)
             bar.update(done - bar.n)
 
         yield tell
 
 
-def _plain(label: str) -> Iterator[Callable[[int, int], object]]:
-    def tell(done: int, total: int) -> None:
-        sys.stderr.write(f"\r{label}: {done} of {total}")
+def _plain(label: str) -> Iterator[Tell]:
+    def tell(done: int, total: int, task: str) -> None:
+        sys.stderr.write(f"\r{label}: {task} {done} of {total}")
         sys.stderr.flush()
 
     try:

@@ -6,15 +6,19 @@ import os
 import warnings as python_warnings
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._support import write_whole
+from ._support import Progress, write_whole
 from .errors import ScheduleError
 from .units import floats
+
+if TYPE_CHECKING:
+    from .design import Specification, Verification
+    from .problem import Problem
 
 
 class LawAt:
@@ -115,6 +119,18 @@ class Schedule:
     def at(self, speeds: ArrayLike | Iterable[float]) -> LawAt:
         """The law at true airspeeds, m/s, as it flies: linear between breakpoints, constant beyond."""
         return LawAt(self._core.at(floats(speeds).ravel().tolist()))
+
+    def verify(
+        self,
+        problem: Problem,
+        spec: Specification | str | os.PathLike[str] | None = None,
+        *,
+        progress: Progress = None,
+    ) -> Verification:
+        """Verifies the schedule; see :func:`coaxdesign.verify`."""
+        from .design import verify
+
+        return verify(self, problem, spec, progress=progress)
 
     @staticmethod
     def formats() -> dict[str, str]:

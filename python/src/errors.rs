@@ -1,9 +1,9 @@
 //! Faults as the exceptions of `coaxdesign.errors`.
 
 use coaxdesign::linear::LinearError;
+use coaxdesign::pipeline::PipelineError;
 use coaxdesign::problem::{Diagnostic, Report, Severity};
 use coaxdesign::schedule::ScheduleError;
-use coaxdesign::simulate::setup::SetupError;
 use coaxdesign::vehicle::VehicleError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -63,20 +63,26 @@ pub fn schedule(py: Python<'_>, error: &ScheduleError) -> PyErr {
     raise(py, "ScheduleError", &error.to_string())
 }
 
-pub fn setup(py: Python<'_>, error: &SetupError) -> PyErr {
+/// Why the pipeline could not go on: the class of its kind.
+pub fn pipeline(py: Python<'_>, error: &PipelineError, input: &str) -> PyErr {
+    let told = |class: &str| {
+        let help = error.help();
+        let help = if help.is_empty() { String::new() } else { format!("; {help}") };
+        raise(py, class, &format!("{error}{help}"))
+    };
     match error {
-        SetupError::NoSchedule => {
-            raise(py, "SimulationError", &format!("{error}: pass one as the second argument"))
+        PipelineError::Input(of) => report(py, input, of),
+        PipelineError::Vehicle(error) => vehicle(py, error),
+        PipelineError::NoBreakpoint => told("TrimError"),
+        PipelineError::NoTrim(point) => {
+            let speed = point.condition.airspeed;
+            let reason = crate::problem::reason(&point.status);
+            raise(py, "TrimError", &format!("no trim at {speed:.3} m/s: {reason}"))
         }
-        SetupError::Schedule(error) => schedule(py, error),
-        SetupError::Specification(of) => report(py, "SpecificationError", of),
-        SetupError::Vehicle(error) => vehicle(py, error),
-        SetupError::NoTrim(point) => raise(
-            py,
-            "TrimError",
-            &format!("no trim to start from: {}", crate::problem::reason(&point.status)),
-        ),
-        SetupError::Flight(error) => raise(py, "SimulationError", &error.to_string()),
+        PipelineError::Models(_) | PipelineError::Linear(_) => told("LinearError"),
+        PipelineError::Schedule(error) => schedule(py, error),
+        PipelineError::Flight(_) => told("SimulationError"),
+        _ => told("DesignError"),
     }
 }
 

@@ -2,10 +2,8 @@
 
 use std::path::PathBuf;
 
-use coaxdesign::simulate::metrics::Meter;
-use coaxdesign::simulate::montecarlo::Variation;
-use coaxdesign::simulate::setup::{Setup, SetupError};
-use coaxdesign::simulate::{Metrics, Recorder, maneuver};
+use coaxdesign::pipeline::{FlightPlan, PipelineError, fly};
+use coaxdesign::simulate::maneuver;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -88,36 +86,29 @@ pub struct Equipment {
     seed: u64,
 }
 
-/// A flight made ready; `variation` is JSON.
-pub fn setup(
+/// What is flown and how; `variation` is JSON.
+pub fn plan(
     py: Python<'_>,
-    problem: &Problem,
     schedule: Option<&Schedule>,
     maneuver: &Maneuver,
     variation: &str,
     equipment: &Equipment,
-) -> PyResult<Setup> {
-    let variation: Variation = serde_json::from_str(variation)
+    every: u64,
+) -> PyResult<FlightPlan> {
+    let schedule = schedule.map(|schedule| &schedule.schedule);
+    let mut plan = FlightPlan::new(maneuver.maneuver.clone(), schedule)
+        .map_err(|error| errors::pipeline(py, &error, "SpecificationError"))?;
+    plan.variation = serde_json::from_str(variation)
         .map_err(|error| errors::raise(py, "SimulationError", &error.to_string()))?;
-    let problem = problem.loaded.problem.clone();
-    let maneuver = maneuver.maneuver.clone();
-    let mut setup = Setup::new(problem, schedule.map(|s| &s.schedule), maneuver, variation)
-        .map_err(|error| errors::setup(py, &error))?;
-    let options = &mut setup.options;
+    plan.every = every.max(1);
+    let options = &mut plan.options;
     options.control_rate = equipment.control_rate;
     options.steps_per_revolution = equipment.steps_per_revolution;
     options.seed = equipment.seed;
     if let Some(limit) = equipment.pitch_rate_limit {
         options.pitch_rate_limit = limit;
     }
-    Ok(setup)
-}
-
-/// What a flight leaves behind: rows by columns, metrics.
-struct Flown {
-    columns: Vec<(String, &'static str)>,
-    values: Vec<Vec<f64>>,
-    metrics: Metrics,
+    Ok(plan)
 }
 
 /// Columns of the history, metrics as JSON, and how it ended.
@@ -134,43 +125,35 @@ pub fn simulate<'py>(
     maneuver: &Maneuver,
     variation: &str,
     equipment: Equipment,
-    every: usize,
+    every: u64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<History<'py>> {
-    let setup = setup(py, problem, schedule, maneuver, variation, &equipment)?;
-    let every = every.max(1);
-    let periods = (setup.maneuver.duration * setup.options.control_rate).round() as usize;
-    let flown = run(py, progress.as_ref(), periods + 1, |ticker| -> Result<Flown, SetupError> {
-        let vehicle = setup.vehicle()?;
-        let start = setup.start(&vehicle)?;
-        let mut flight = setup.flight(&vehicle, &start)?;
-        let mut recorder = Recorder::new(&flight);
-        let mut meter = Meter::new(&flight);
-        let columns: Vec<(String, &'static str)> =
-            recorder.columns().iter().map(|c| (c.name.clone(), c.kind.coherent())).collect();
-        let rows = periods / every + 1;
-        let mut values: Vec<Vec<f64>> = columns.iter().map(|_| Vec::with_capacity(rows)).collect();
-        let mut count = 0usize;
-        let status = flight.fly(|flight| {
-            ticker.tick();
-            meter.see(flight);
-            if count.is_multiple_of(every) {
-                for (column, value) in values.iter_mut().zip(recorder.row(flight)) {
+    let plan = plan(py, schedule, maneuver, variation, &equipment, every)?;
+    let law = schedule.map(|schedule| &schedule.schedule);
+    let mut values: Vec<Vec<f64>> = Vec::new();
+    let flown = run(py, progress.as_ref(), |ticker| {
+        fly(
+            &problem.loaded.problem,
+            law,
+            &plan,
+            ticker,
+            |columns, row| -> Result<(), PipelineError> {
+                if row.is_empty() {
+                    values = vec![Vec::new(); columns.len()];
+                }
+                for (column, value) in values.iter_mut().zip(row) {
                     column.push(*value);
                 }
-            }
-            count += 1;
-        });
-        let metrics = meter.finish(&flight, &status);
-        Ok(Flown { columns, values, metrics })
+                Ok(())
+            },
+        )
     })?
-    .map_err(|error| errors::setup(py, &error))?;
+    .map_err(|error| errors::pipeline(py, &error, "ProblemError"))?;
     let columns = Columns::new(py);
-    for ((name, unit), values) in flown.columns.iter().zip(flown.values) {
-        columns.numbers(name, unit, values)?;
+    for (column, values) in flown.columns.iter().zip(values) {
+        columns.numbers(&column.name, column.kind.coherent(), values)?;
     }
     let metrics = serde_json::to_string(&flown.metrics)
         .map_err(|error| errors::internal(&error.to_string()))?;
-    let word = flown.metrics.end.status;
-    Ok((columns.finish(), metrics, word))
+    Ok((columns.finish(), metrics, flown.status.word()))
 }

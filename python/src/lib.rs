@@ -9,9 +9,10 @@
 //! * [`run`]: long work without the interpreter's lock, with progress and
 //!   Ctrl-C.
 //! * [`arrays`]: columns and matrices as NumPy arrays.
-//! * [`problem`], [`linear`], [`schedule`], [`flight`]: one file a stage.
+//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`]: one file a stage.
 
 mod arrays;
+mod design;
 mod errors;
 mod flight;
 mod linear;
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::design::{Specification, tune, verify};
     #[pymodule_export]
     use super::flight::{Maneuver, maneuver_names, simulate};
     #[pymodule_export]

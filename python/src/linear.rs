@@ -3,6 +3,7 @@
 use coaxdesign::linear::linearize::{Inputs, Options, linearize as periodic};
 use coaxdesign::linear::reduction::{RIGID_BODY, residualise, truncate};
 use coaxdesign::linear::{LinearError, StateSpace, harmonic};
+use coaxdesign::pipeline::Task;
 use coaxdesign::trim::{Options as TrimOptions, TrimPoint, sweep};
 use coaxdesign::vehicle::Vehicle;
 use nalgebra::DMatrix;
@@ -86,7 +87,8 @@ pub fn linearize<'py>(
             Reduce::Truncate => truncate(&full, &keep)?.model,
         })
     };
-    let (points, models) = run(py, progress.as_ref(), 2 * conditions.len(), |ticker| {
+    let (points, models) = run(py, progress.as_ref(), |ticker| {
+        ticker.start(Task::Models.name(), 2 * conditions.len());
         let points =
             sweep(&vehicle, &conditions, &TrimOptions::default(), |_| ticker.tick()).points;
         let models: Result<Vec<StateSpace>, LinearError> = points

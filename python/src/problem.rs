@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use coaxdesign::pipeline;
 use coaxdesign::problem::{self, Loaded, STICKS};
 use coaxdesign::report::figures::{self, Channel, Marks, TrimSweep};
-use coaxdesign::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use coaxdesign::trim::{FlightCondition, Lateral, Status, TrimPoint};
 use coaxdesign::units::{self, Kind, System};
 use coaxdesign::vehicle::{Layout, Vehicle};
 use pyo3::prelude::*;
@@ -106,8 +107,7 @@ impl Problem {
     /// Hash of those texts, as results of it carry it.
     #[getter]
     fn hash(&self) -> String {
-        let files = self.loaded.sources.files();
-        coaxdesign::schedule::hash(files.iter().map(|file| file.text.as_str()))
+        pipeline::problem_hash(&self.loaded)
     }
 }
 
@@ -215,9 +215,11 @@ pub fn trim<'py>(
     let conditions = conditions(py, &speeds, path)?;
     let changed = problem.changed(interactions, altitude);
     let vehicle = Vehicle::new(&changed).map_err(|error| errors::vehicle(py, &error))?;
-    let points = run(py, progress.as_ref(), conditions.len(), |ticker| {
-        sweep(&vehicle, &conditions, &Options::default(), |_| ticker.tick()).points
-    })?;
+    let on = [changed.inflow.interactions];
+    let points =
+        run(py, progress.as_ref(), |ticker| pipeline::trim(&changed, &conditions, &on, ticker))?
+            .map_err(|error| errors::pipeline(py, &error, "ProblemError"))?
+            .remove(0);
     let columns = columns(py, &vehicle, &points)?;
     let orbits = points.iter().map(|point| {
         let values = point.orbit.iter().flatten().copied().collect();

@@ -3,11 +3,13 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
+use coaxdesign::pipeline::{Observer, Task};
 use pyo3::prelude::*;
 
 use crate::errors;
@@ -21,6 +23,8 @@ const STACK: usize = 8 << 20;
 #[derive(Debug, Default)]
 pub struct Ticker {
     done: AtomicUsize,
+    /// Parts of the task at work, and its name.
+    task: Mutex<(usize, &'static str)>,
     cancelled: AtomicBool,
 }
 
@@ -28,23 +32,44 @@ pub struct Ticker {
 struct Cancelled;
 
 impl Ticker {
-    /// One more part is done.
-    pub fn tick(&self) {
-        self.done.fetch_add(1, Ordering::Relaxed);
-        self.check();
+    /// A task of so many parts begins.
+    pub fn start(&self, name: &'static str, parts: usize) {
+        *self.task.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = (parts, name);
+        self.done.store(0, Ordering::Relaxed);
     }
 
-    /// Ends the work here if it is to end. Callbacks of the library cannot say
-    /// so by a value, hence the unwinding, which runs no panic hook.
-    pub fn check(&self) {
-        if self.cancelled.load(Ordering::Relaxed) {
+    /// One more part is done. Ends the work here if it is to end: a callback
+    /// of a sweep cannot say so by a value, hence the unwinding, which runs no
+    /// panic hook.
+    pub fn tick(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+        if self.cancelled() {
             resume_unwind(Box::new(Cancelled));
         }
+    }
+
+    fn state(&self) -> (usize, usize, &'static str) {
+        let (parts, name) = *self.task.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        (self.done.load(Ordering::Relaxed), parts, name)
+    }
+}
+
+impl Observer for Ticker {
+    fn begin(&self, task: Task, steps: u64) {
+        self.start(task.name(), steps as usize);
+    }
+
+    fn advance(&self) {
+        self.tick();
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
     }
 }
 
 /// Does the work on a thread of its own while this one, which alone can hear
-/// Ctrl-C, tells `progress(done, total)` and asks for signals. An exception of
+/// Ctrl-C, tells `progress(done, total, task)` and asks for signals. An exception of
 /// either ends the work.
 ///
 /// # Errors
@@ -52,7 +77,6 @@ impl Ticker {
 pub fn run<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
-    total: usize,
     work: impl FnOnce(&Ticker) -> T + Send,
 ) -> PyResult<T> {
     let ticker = Ticker::default();
@@ -71,30 +95,30 @@ pub fn run<T: Send>(
                 })
                 .map_err(|error| errors::internal(&error.to_string()))?;
             let mut fault = None;
-            let mut told = 0;
-            let mut tell = |last: bool| -> PyResult<()> {
-                let done = ticker.done.load(Ordering::Relaxed);
+            let mut told = (0, 0, "");
+            let mut tell = || -> PyResult<()> {
+                let state = ticker.state();
                 Python::attach(|py| {
                     py.check_signals()?;
                     if let Some(progress) = progress
-                        && (done != told || last)
+                        && state != told
                     {
-                        told = done;
-                        progress.call1(py, (done, total))?;
+                        told = state;
+                        progress.call1(py, state)?;
                     }
                     Ok(())
                 })
             };
             while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(TELL) {
                 if fault.is_none()
-                    && let Err(error) = tell(false)
+                    && let Err(error) = tell()
                 {
                     ticker.cancelled.store(true, Ordering::Relaxed);
                     fault = Some(error);
                 }
             }
             if fault.is_none() {
-                fault = tell(true).err();
+                fault = tell().err();
             }
             let outcome = worker.join().and_then(|outcome| outcome);
             match (fault, outcome) {

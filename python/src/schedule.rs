@@ -21,16 +21,21 @@ pub struct Schedule {
     pub law: LawTable,
 }
 
+impl Schedule {
+    pub fn of(py: Python<'_>, schedule: schedule::Schedule) -> PyResult<Self> {
+        let law = schedule.law().map_err(|error| errors::schedule(py, &error))?;
+        Ok(Self { schedule, law })
+    }
+}
+
 #[pymethods]
 impl Schedule {
     /// A schedule of the text of a `schedule.json`.
     #[staticmethod]
     fn parse(py: Python<'_>, text: &str) -> PyResult<Self> {
-        let read = schedule::Schedule::from_json(text).and_then(|schedule| {
-            let law = schedule.law()?;
-            Ok(Self { schedule, law })
-        });
-        read.map_err(|error| errors::schedule(py, &error))
+        let schedule =
+            schedule::Schedule::from_json(text).map_err(|error| errors::schedule(py, &error))?;
+        Self::of(py, schedule)
     }
 
     /// The text of its `schedule.json`.
