@@ -9,7 +9,7 @@
 //! * [`run`]: long work without the interpreter's lock, with progress and
 //!   Ctrl-C.
 //! * [`arrays`]: columns and matrices as NumPy arrays.
-//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`]: one file a stage.
+//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`], [`study`]: one file a stage.
 
 mod arrays;
 mod design;
@@ -19,6 +19,7 @@ mod linear;
 mod problem;
 mod run;
 mod schedule;
+mod study;
 
 use pyo3::prelude::*;
 
@@ -34,6 +35,8 @@ mod _core {
     use super::problem::{Problem, problem_names, quantity, reload, trim, trim_svg};
     #[pymodule_export]
     use super::schedule::{Schedule, export_formats};
+    #[pymodule_export]
+    use super::study::{Study, confidence, study_columns};
 
     use pyo3::prelude::*;
 

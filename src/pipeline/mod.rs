@@ -12,6 +12,7 @@
 //! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
+//! | [`Study`] | a problem, a schedule, a [`FlightPlan`] | its runs, one by one, varied |
 //! | [`crate::export::export`] | a schedule | files of other programs |
 //!
 //! Every function takes an [`Observer`], which hears of progress and can stop
@@ -35,12 +36,14 @@ mod error;
 mod observer;
 mod requirements;
 mod stages;
+mod study;
 mod tuning;
 
 pub use error::PipelineError;
 pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, models, trim};
+pub use study::{Part, STUDY_SCHEMA, Study, StudyHead};
 pub use tuning::{
     PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, tune, verification_document,
     verification_speeds, verify,
