@@ -13,6 +13,7 @@
 
 pub mod airfoil;
 pub mod atmosphere;
+pub mod census;
 pub mod frames;
 pub mod fuselage;
 pub mod inflow;

@@ -2,6 +2,7 @@
 //! powers and the loads of each component.
 
 use crate::numerics::scalar::Vec3;
+use crate::vehicle::census::Census;
 use crate::vehicle::rotor::RotorInput;
 use crate::vehicle::{AirMotion, Vehicle, Workspace};
 
@@ -36,6 +37,8 @@ pub struct RotorOutput {
     pub inexact_power: f64,
     /// Teeter angle of blade 1, rad.
     pub teeter_angle: f64,
+    /// What the sections of its blades meet.
+    pub census: Census,
 }
 
 /// Loads of a body or wing on the airframe.
@@ -114,6 +117,7 @@ impl Vehicle {
                     moment_hub,
                     profile_power: blades.profile,
                     induced_power: blades.induced,
+                    census: blades.census,
                     inexact_power: rotor.inexact_power(
                         &input,
                         shaft,
