@@ -4,7 +4,8 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::output;
-use coaxdesign::problem::Report;
+use coaxdesign::pipeline::PipelineError;
+use coaxdesign::problem::{Report, visible};
 use coaxdesign::vehicle::VehicleError;
 
 /// Exit code of an internal error.
@@ -68,6 +69,22 @@ pub enum CliError {
     Internal(String),
 }
 
+impl From<PipelineError> for CliError {
+    fn from(error: PipelineError) -> Self {
+        let help = error.help();
+        match error {
+            PipelineError::Input(report) => Self::Problem(report),
+            PipelineError::Vehicle(error) => Self::Vehicle(error),
+            PipelineError::NoTrim(point) => Self::Missed(format!(
+                "no trim to start from: {}",
+                super::trim::failures(&[vec![*point]])
+            )),
+            PipelineError::Explain(error) => Self::Internal(error.to_string()),
+            error => Self::Usage { message: error.to_string(), help: help.into() },
+        }
+    }
+}
+
 impl CliError {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
@@ -83,14 +100,20 @@ impl CliError {
         match self {
             CliError::Problem(report) => output::note(&report.render(color())),
             CliError::Usage { message, help } => {
-                output::note(&format!("error: {message}\n  help: {help}\n"));
+                output::note(&shown(&format!("error: {message}\n  help: {help}\n")));
             }
             CliError::Exists { .. } => {
-                output::note(&format!("error: {self}\n  help: --force replaces it\n"));
+                output::note(&shown(&format!("error: {self}\n  help: --force replaces it\n")));
             }
-            _ => output::note(&format!("error: {self}\n")),
+            _ => output::note(&shown(&format!("error: {self}\n"))),
         }
     }
+}
+
+/// A message as a terminal can show it: names of files and arguments may hold
+/// anything.
+fn shown(text: &str) -> String {
+    text.split('\n').map(|line| visible(line, true)).collect::<Vec<_>>().join("\n")
 }
 
 /// Whether messages to people may be coloured.

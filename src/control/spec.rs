@@ -6,13 +6,12 @@
 //! value carries its unit.
 
 use super::axis::Channel;
-use super::loops::LawSettings;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
-use crate::problem::keys::{
-    Key, Table, Value, above_below, above_to, default, from_to, optional, required,
-};
+pub use crate::law::mdi::{LawSettings, TurnCoordination};
+use crate::lti::mapping::{MODELS_FROM, Mapping};
+use crate::problem::keys::{Key, Table, Value, above_below, default, from_to, optional, required};
 use crate::problem::read::{CheckedTable, Reader, read_text};
 use crate::problem::{Diagnostic, Report};
 use crate::units::Kind;
@@ -40,6 +39,9 @@ pub struct Specification {
     pub hardware: Hardware,
     /// Largest rate of blade pitch, rad/s.
     pub pitch_rate_limit: f64,
+    /// How linear models from elsewhere are brought to our names and units, and
+    /// where they are; the default where the file does not say.
+    pub models_from: Mapping,
     /// The models; the first is nominal and the one that is inverted.
     pub models: Vec<ModelSpec>,
     /// Requirements of each channel.
@@ -113,15 +115,6 @@ pub struct Steps {
     pub heave: f64,
 }
 
-/// The blend of Eq. 75.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnCoordination {
-    /// Middle of the blend, m/s.
-    pub speed: f64,
-    /// Full width of the blend, m/s.
-    pub width: f64,
-}
-
 /// By how much a requirement must be exceeded for a design margin of 100 %.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comfort {
@@ -138,7 +131,7 @@ pub struct Comfort {
 }
 
 const fn frequency(low: &'static str, high: &'static str) -> Value {
-    Value::Quantity(Kind::Frequency, above_to(low, high))
+    Value::Quantity(Kind::Frequency, from_to(low, high))
 }
 
 const DECIBEL: Value = Value::Number(from_to("0", "40"));
@@ -202,7 +195,7 @@ static HARDWARE: Table = Table {
     keys: &[
         default(
             "actuator_bandwidth",
-            frequency("0 rad/s", "1000 rad/s"),
+            frequency("0.001 rad/s", "1000 rad/s"),
             "\"30 rad/s\"",
             "Natural frequency of the second-order actuators.",
         ),
@@ -215,13 +208,13 @@ static HARDWARE: Table = Table {
         default("delay", SECONDS, "\"35 ms\"", "Transport delay of computer and bus."),
         default(
             "sensor_bandwidth",
-            frequency("0 rad/s", "10000 rad/s"),
+            frequency("0.001 rad/s", "10000 rad/s"),
             "\"60 rad/s\"",
             "Bandwidth of the first-order sensor filters.",
         ),
         default(
             "pitch_rate_limit",
-            Value::Quantity(Kind::AngularRate, above_to("0 deg/s", "1000 deg/s")),
+            Value::Quantity(Kind::AngularRate, from_to("0.1 deg/s", "1000 deg/s")),
             "\"60 deg/s\"",
             "Largest rate of blade pitch, for the authority check.",
         ),
@@ -248,7 +241,7 @@ static MODEL: Table = Table {
         ),
         default(
             "mass_scale",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "1.0",
             "Factor on mass and inertia.",
         ),
@@ -291,7 +284,7 @@ static MARGIN_SET: Table = Table {
         required("phase_margin", PHASE, "Phase margin."),
         default(
             "drb_scale",
-            Value::Number(above_to("0", "2")),
+            Value::Number(from_to("0.01", "2")),
             "1.0",
             "Factor on the axis's disturbance rejection bandwidth.",
         ),
@@ -303,7 +296,7 @@ static MARGIN_SET: Table = Table {
         ),
         default(
             "crossover_scale",
-            Value::Number(above_to("0", "1")),
+            Value::Number(from_to("0.01", "1")),
             "1.0",
             "Factor on the axis's least crossover, and its inverse on the largest.",
         ),
@@ -315,20 +308,20 @@ static MARGIN_SET: Table = Table {
 const AXIS_KEYS: &[Key] = &[
     optional(
         "drb",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Least disturbance rejection bandwidth.",
     ),
     optional("drp_db", DECIBEL, "no requirement", "Largest disturbance rejection peak, dB."),
     optional(
         "crossover_min",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Least crossover frequency.",
     ),
     optional(
         "crossover_max",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Largest crossover frequency.",
     ),
@@ -346,7 +339,7 @@ const AXIS_KEYS: &[Key] = &[
     ),
     default(
         "priority",
-        Value::Number(above_to("0", "1000")),
+        Value::Number(from_to("0.000001", "1000")),
         "1.0",
         "Factor on the price of missing this axis's requirements.",
     ),
@@ -380,7 +373,7 @@ static OUTER_AXIS: Table = Table {
     keys: &[
         optional(
             "drb",
-            frequency("0 rad/s", "10 rad/s"),
+            frequency("0.001 rad/s", "10 rad/s"),
             "no requirement",
             "Least disturbance rejection bandwidth.",
         ),
@@ -399,7 +392,7 @@ static OUTER_AXIS: Table = Table {
         ),
         default(
             "priority",
-            Value::Number(above_to("0", "1000")),
+            Value::Number(from_to("0.000001", "1000")),
             "1.0",
             "Factor on the price of missing this loop's requirements.",
         ),
@@ -421,13 +414,13 @@ static COMMAND: Table = Table {
     keys: &[
         default(
             "roll_frequency",
-            frequency("0 rad/s", "20 rad/s"),
+            frequency("0.001 rad/s", "20 rad/s"),
             "\"2 rad/s\"",
             "Natural frequency of the roll command model.",
         ),
         default(
             "pitch_frequency",
-            frequency("0 rad/s", "20 rad/s"),
+            frequency("0.001 rad/s", "20 rad/s"),
             "\"2 rad/s\"",
             "Natural frequency of the pitch command model.",
         ),
@@ -439,13 +432,13 @@ static COMMAND: Table = Table {
         ),
         default(
             "yaw_time_constant",
-            Value::Quantity(Kind::Time, above_to("0 s", "20 s")),
+            Value::Quantity(Kind::Time, from_to("0.001 s", "20 s")),
             "\"0.5 s\"",
             "Time constant of the yaw rate command model.",
         ),
         default(
             "heave_time_constant",
-            Value::Quantity(Kind::Time, above_to("0 s", "20 s")),
+            Value::Quantity(Kind::Time, from_to("0.001 s", "20 s")),
             "\"2 s\"",
             "Time constant of the vertical velocity command model.",
         ),
@@ -463,13 +456,13 @@ static COMMAND: Table = Table {
         ),
         default(
             "yaw_step",
-            Value::Quantity(Kind::AngularRate, above_to("0 deg/s", "90 deg/s")),
+            Value::Quantity(Kind::AngularRate, from_to("0.001 deg/s", "90 deg/s")),
             "\"15 deg/s\"",
             "Yaw rate step of the authority check.",
         ),
         default(
             "heave_step",
-            Value::Quantity(Kind::ClimbRate, above_to("0 ft/min", "3000 ft/min")),
+            Value::Quantity(Kind::ClimbRate, from_to("0.001 ft/min", "3000 ft/min")),
             "\"300 ft/min\"",
             "Vertical velocity step of the authority check.",
         ),
@@ -482,7 +475,7 @@ static COMMAND: Table = Table {
         ),
         default(
             "turn_coordination_width",
-            Value::Quantity(Kind::Airspeed, above_to("0 kt", "100 kt")),
+            Value::Quantity(Kind::Airspeed, from_to("0.01 kt", "100 kt")),
             "\"10 kt\"",
             "Width of the smooth blend around that speed.",
         ),
@@ -497,14 +490,14 @@ static COMFORT: Table = Table {
         default("phase_margin", PHASE, "\"15 deg\"", "Phase margin."),
         default(
             "drb",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "0.25",
             "Disturbance rejection bandwidth, as a fraction of the requirement.",
         ),
         default("drp_db", DECIBEL, "2.0", "Disturbance rejection peak, dB."),
         default(
             "crossover",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "0.25",
             "Crossover, as a fraction of the bound.",
         ),
@@ -523,7 +516,7 @@ static SOLVER: Table = Table {
         ),
         default(
             "highest_frequency",
-            frequency("0 rad/s", "1000 rad/s"),
+            frequency("0.001 rad/s", "1000 rad/s"),
             "\"60 rad/s\"",
             "Highest frequency of the tuning grid.",
         ),
@@ -549,6 +542,12 @@ pub static ROOT: Table = Table {
         default("inversion", Value::Table(&INVERSION), "{}", "How the model is inverted."),
         default("hardware", Value::Table(&HARDWARE), "{}", "From measurement to blade pitch."),
         optional(
+            "models_from",
+            Value::Table(&MODELS_FROM),
+            "the models are those of a problem file",
+            "Linear models from elsewhere.",
+        ),
+        optional(
             "models",
             Value::Named(&MODEL, "model"),
             "the problem as it is, nominal",
@@ -569,6 +568,14 @@ pub static ROOT: Table = Table {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn load(path: &Path) -> Result<Specification, Report> {
+    load_with_text(path).map(|(specification, _)| specification)
+}
+
+/// Reads a specification file; also its text, for its hash.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_text(path: &Path) -> Result<(Specification, String), Report> {
     let whole = |message: String, unreadable| {
         Report::new(
             vec![Diagnostic::whole_file(
@@ -588,7 +595,7 @@ pub fn load(path: &Path) -> Result<Specification, Report> {
         std::fs::read(path).map_err(|e| whole(format!("the file cannot be read: {e}"), true))?;
     let text =
         String::from_utf8(bytes).map_err(|_| whole("the file is not UTF-8 text".into(), false))?;
-    parse(&path.display().to_string(), &text)
+    Ok((parse(&path.display().to_string(), &text)?, text))
 }
 
 /// The built-in specification.
@@ -802,6 +809,7 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
             sensor_bandwidth: hardware.number("sensor_bandwidth")?,
         },
         pitch_rate_limit: hardware.number("pitch_rate_limit")?,
+        models_from: root.table("models_from").map(Mapping::from_table).unwrap_or_default(),
         models,
         channels,
         steps: Steps {

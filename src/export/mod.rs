@@ -261,7 +261,7 @@ pub fn export(
     format: Format,
     options: &Options,
 ) -> Result<Vec<File>, ExportError> {
-    if !(options.step >= LEAST_STEP && options.step <= LARGEST_STEP) {
+    if !(LEAST_STEP..=LARGEST_STEP).contains(&options.step) {
         return Err(ExportError::Option(format!(
             "the step is {} s; it must be from {LEAST_STEP} s to {LARGEST_STEP} s",
             options.step

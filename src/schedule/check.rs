@@ -130,8 +130,8 @@ pub(super) fn check(schedule: &Schedule) -> Vec<Finding> {
         found.push(finding("/points", message));
     }
     for (index, pair) in points.windows(2).enumerate() {
-        // Negated, so that numbers that are none are found too.
-        if !(pair[1].speed - pair[0].speed >= LEAST_SPACING) {
+        // Numbers that are none have been found above.
+        if pair[1].speed - pair[0].speed < LEAST_SPACING {
             found.push(finding(
                 &format!("/points/{}/speed", index + 1),
                 format!(
