@@ -10,6 +10,7 @@ use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::design::Design;
 use coaxdesign::control::explain::{Explanation, Target};
 use coaxdesign::control::law::LawTable;
+use coaxdesign::control::misses::misses;
 use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
@@ -178,6 +179,7 @@ impl Tune {
                     text += &prices_table(prices, system).to_text(coloring);
                 }
                 text += &explanations_text(explanations, system);
+                text += &misses_text(&verified.verification, system);
                 text += &left_out_text(&verified.left_out, system);
                 if let Some(paths) = &paths {
                     text += &format!("Wrote {}.\n", paths.directory.display());
@@ -509,7 +511,7 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
         if e.attainable {
-            text += "all targets can be met. Prices in actuator activity:\n";
+            text += "this model alone can meet all targets here. Prices in actuator activity:\n";
             for t in &e.targets {
                 match t.price_percent {
                     Some(p) => {
@@ -538,6 +540,41 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
                 }
             }
         }
+    }
+    text
+}
+
+/// Every requirement that is missed: how far, where worst, and the key that
+/// asks for it.
+fn misses_text(verification: &Verification, system: System) -> String {
+    let found = misses(verification);
+    if found.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nMissed, worst first, with what these gains reach:\n");
+    for m in &found {
+        let class = match m.class {
+            ModelClass::Nominal => "nominal",
+            ModelClass::OffNominal => "off-nominal",
+        };
+        let place = if m.breakpoint { "at" } else { "between breakpoints, at" };
+        text += &format!(
+            "  {} {}: asked {:.3}, reached {:.3} {place} {} with model {}; {} of {} {class} rows. \
+             The key is {}",
+            m.axis,
+            m.requirement,
+            m.asked,
+            m.reached,
+            speed_text(m.speed, system),
+            m.model,
+            m.rows[0],
+            m.rows[1],
+            m.key
+        );
+        text += &match m.factor {
+            Some(factor) => format!(", times {factor:.3} to be met.\n"),
+            None => ".\n".into(),
+        };
     }
     text
 }
