@@ -213,12 +213,43 @@ fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
         let read = host.airfoil(path, table.place("table"), &table.key_path("table"));
         return read.map(Airfoil::Table);
     }
+    analytic_warnings(host, table);
     Some(Airfoil::Analytic {
         lift_slope: table.number("lift_slope")?,
         zero_lift_angle: table.number("zero_lift_angle")?,
         drag: table.number("drag")?,
         small_angles: table.flag("small_angles")?,
     })
+}
+
+/// What no section does, by rule.
+fn analytic_warnings(host: &mut dyn Host, table: &CheckedTable) {
+    let mut warn = |key: &str, message: String, help: &str| {
+        let path = table.key_path(key);
+        host.finding(Severity::Warning, table.place(key), &path, message, help.into());
+    };
+    if let Some(drag) = table.number("drag") {
+        if drag == 0.0 {
+            warn(
+                "drag",
+                "the section has no drag".into(),
+                "powers will be those of an ideal rotor or wing; sections have about 0.01",
+            );
+        } else if !(0.0008..=0.2).contains(&drag) {
+            warn(
+                "drag",
+                format!("a drag coefficient of {drag} is unusual"),
+                "a smooth plate has at least 0.0008, and sections in use have about 0.01",
+            );
+        }
+    }
+    if let Some(slope) = table.number("lift_slope").filter(|slope| !(2.0..=10.0).contains(slope)) {
+        warn(
+            "lift_slope",
+            format!("a lift slope of {slope:.3} 1/rad is unusual"),
+            "thin airfoils have 6.28 1/rad; check the unit",
+        );
+    }
 }
 
 /// Speed of sound of the standard troposphere, m/s, for the check of tip

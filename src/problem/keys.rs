@@ -54,8 +54,10 @@ pub struct Bounds {
 /// What may stand at a key.
 #[derive(Debug)]
 pub enum Value {
-    /// Any text but an empty one.
+    /// A line of text: see [`check_line`](super::check_line).
     Text,
+    /// A name that every export can hold: see [`check_name`](super::check_name).
+    Name,
     /// Path of a file, relative to the file that names it.
     Path,
     /// `true` or `false`.
@@ -1027,7 +1029,12 @@ pub static ROOT: Table = Table {
             "Another problem file to start from. Tables merge key by key; everything else \
              replaces. Where keys exclude one another, choosing one drops the other of the base.",
         ),
-        required("name", Value::Text, "Short name, for titles and file names."),
+        required(
+            "name",
+            Value::Name,
+            "Short name, for titles and file names: letters, digits, blanks and `-_.`, at most 64 \
+             of them.",
+        ),
         default("description", Value::Text, "\"a rotorcraft\"", "One line for reports."),
         default(
             "reference",
