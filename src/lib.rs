@@ -9,11 +9,13 @@
 //! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
 //! * [`trim`]: the periodic orbit of a flight condition.
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
+//! * [`lti`]: linear models from elsewhere, and one stitched model of them.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
+//! * [`pipeline`]: all stages, one after the other, as the program runs them.
 //! * [`studies`]: publications beside our results.
 //! * [`report`]: tables and plots of what the stages found.
 //!
@@ -54,15 +56,13 @@
 //! and verification looks at that law by other means.
 //!
 //! ```no_run
-//! use coaxdesign::control::{design::design, models::build, spec, verify::verify};
+//! use coaxdesign::pipeline::{Requirements, Silent, TuneOptions, tune};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let problem = coaxdesign::problem::builtin()?.problem;
-//! let spec = spec::builtin()?;
-//! let plants = build(&problem, &spec.models, &spec.speeds, &|| {})?.set;
-//! let law = design(&spec, &plants, &[], &[])?.table;
-//! let verification = verify(&law, &plants, &spec.hardware, &spec)?;
-//! println!("met: {}", verification.passed);
+//! let aircraft = coaxdesign::problem::builtin()?;
+//! let tuned = tune(&aircraft, &Requirements::builtin()?, &TuneOptions::default(), &Silent)?;
+//! std::fs::write("schedule.json", tuned.schedule.to_json()?)?; // as `coaxdesign tune-gains`
+//! println!("met: {}", tuned.verified.met());
 //! # Ok(())
 //! # }
 //! ```
@@ -161,7 +161,9 @@ pub mod control;
 pub mod export;
 pub mod law;
 pub mod linear;
+pub mod lti;
 pub mod numerics;
+pub mod pipeline;
 pub mod problem;
 pub mod report;
 pub mod schedule;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 14] = [
+const STREET: [&str; 16] = [
     "units",
     "numerics",
     "law",
@@ -17,11 +17,13 @@ const STREET: [&str; 14] = [
     "vehicle",
     "trim",
     "linear",
+    "lti",
     "control",
     "schedule",
     "simulate",
     "export",
     "validation",
+    "pipeline",
     "studies",
     "report",
 ];

@@ -5,15 +5,15 @@ use serde_json::{Map, Value as Json, json};
 use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::watch::Watch;
 use super::{CliError, Outcome, output};
+use coaxdesign::pipeline;
 use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
-use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
-use coaxdesign::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use coaxdesign::trim::{FlightCondition, Lateral, Status, TrimPoint};
 use coaxdesign::units::{Kind, System, parse_quantity};
-use coaxdesign::vehicle::Vehicle;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
 #[derive(Debug, Args)]
@@ -267,20 +267,7 @@ pub(super) fn trim_all(
     positions: &[bool],
     quiet: bool,
 ) -> Result<Vec<Vec<TrimPoint>>, CliError> {
-    use rayon::prelude::*;
-    let progress = Progress::new("trimming", (conditions.len() * positions.len()) as u64, quiet);
-    let swept: Vec<Result<Vec<TrimPoint>, CliError>> = positions
-        .par_iter()
-        .map(|&on| {
-            let mut problem = problem.clone();
-            problem.inflow.interactions = on;
-            let vehicle = Vehicle::new(&problem)?;
-            let done = |_: &TrimPoint| progress.advance();
-            Ok(sweep(&vehicle, conditions, &Options::default(), done).points)
-        })
-        .collect();
-    progress.finish();
-    swept.into_iter().collect()
+    Ok(pipeline::trim(problem, conditions, positions, &Watch::new(quiet))?)
 }
 
 /// The interactions in a word.

@@ -55,7 +55,7 @@ fn markdown() -> Result<String, CliError> {
     text += control::CONTROL;
     for name in ["coax2d", "coax2d-physics"] {
         text += &format!("## Closed loop of `{name}`\n\n");
-        text += &control::closed_loop(&problem::builtin_named(name)?.problem, name == "coax2d")?;
+        text += &control::closed_loop(&problem::builtin_named(name)?, name == "coax2d")?;
     }
     Ok(text)
 }

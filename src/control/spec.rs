@@ -10,6 +10,7 @@ use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
 pub use crate::law::mdi::{LawSettings, TurnCoordination};
+use crate::lti::mapping::{MODELS_FROM, Mapping};
 use crate::problem::keys::{
     Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
@@ -40,6 +41,9 @@ pub struct Specification {
     pub hardware: Hardware,
     /// Largest rate of blade pitch, rad/s.
     pub pitch_rate_limit: f64,
+    /// How linear models from elsewhere are brought to our names and units, and
+    /// where they are; the default where the file does not say.
+    pub models_from: Mapping,
     /// The models; the first is nominal and the one that is inverted.
     pub models: Vec<ModelSpec>,
     /// Requirements of each channel.
@@ -540,6 +544,12 @@ pub static ROOT: Table = Table {
         default("inversion", Value::Table(&INVERSION), "{}", "How the model is inverted."),
         default("hardware", Value::Table(&HARDWARE), "{}", "From measurement to blade pitch."),
         optional(
+            "models_from",
+            Value::Table(&MODELS_FROM),
+            "the models are those of a problem file",
+            "Linear models from elsewhere.",
+        ),
+        optional(
             "models",
             Value::Named(&MODEL, "model"),
             "the problem as it is, nominal",
@@ -560,6 +570,14 @@ pub static ROOT: Table = Table {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn load(path: &Path) -> Result<Specification, Report> {
+    load_with_text(path).map(|(specification, _)| specification)
+}
+
+/// Reads a specification file; also its text, for its hash.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_text(path: &Path) -> Result<(Specification, String), Report> {
     let whole = |message: String, unreadable| {
         Report::new(
             vec![Diagnostic::whole_file(
@@ -579,7 +597,7 @@ pub fn load(path: &Path) -> Result<Specification, Report> {
         std::fs::read(path).map_err(|e| whole(format!("the file cannot be read: {e}"), true))?;
     let text =
         String::from_utf8(bytes).map_err(|_| whole("the file is not UTF-8 text".into(), false))?;
-    parse(&path.display().to_string(), &text)
+    Ok((parse(&path.display().to_string(), &text)?, text))
 }
 
 /// The built-in specification.
@@ -793,6 +811,7 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
             sensor_bandwidth: hardware.number("sensor_bandwidth")?,
         },
         pitch_rate_limit: hardware.number("pitch_rate_limit")?,
+        models_from: root.table("models_from").map(Mapping::from_table).unwrap_or_default(),
         models,
         channels,
         steps: Steps {
