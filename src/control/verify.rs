@@ -736,6 +736,7 @@ mod tests {
     use super::super::plant::Inversion;
     use super::super::{spec, testbed};
     use super::*;
+    use crate::control::axis::GainSet;
 
     /// An outer loop to 50 kt over breakpoints every 20 kt is whole to 40 kt, and
     /// fades from there to 60 kt; one that is closed at the ends is whole beyond.
