@@ -169,3 +169,10 @@ class Study:
 
 def study_columns() -> list[tuple[str, str]]: ...
 def confidence(successes: int, runs: int) -> tuple[float, float]: ...
+def history_svg(
+    title: str,
+    subtitle: str,
+    us: bool,
+    time: list[float],
+    panels: list[tuple[str, str, float, list[tuple[str, list[float]]]]],
+) -> str: ...

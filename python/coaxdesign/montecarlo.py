@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import pickle
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -361,10 +362,13 @@ def _on_dask(
     client: Any, study: Study, batches: list[list[int]], retries: int
 ) -> Iterator[list[dict[str, Any]]]:
     distributed = need("distributed", "cluster", "a Dask client")
-    shared = client.scatter(study, broadcast=True)
-    # A task that was lost is no other task, and none is another's.
-    futures = client.map(lambda indices, study: fly_batch(study, indices), batches,
-                         study=shared, retries=retries, pure=False)
+    # A task makes the study on a worker, so that it is made again where that
+    # worker is lost.
+    shared = client.submit(pickle.loads, pickle.dumps(study), pure=False)
+    futures = [
+        client.submit(fly_batch, shared, indices, retries=retries, pure=False)
+        for indices in batches
+    ]
     waiting = distributed.as_completed(futures)
     try:
         for future in waiting:

@@ -9,11 +9,13 @@
 //! * [`run`]: long work without the interpreter's lock, with progress and
 //!   Ctrl-C.
 //! * [`arrays`]: columns and matrices as NumPy arrays.
-//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`], [`study`]: one file a stage.
+//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`], [`figure`],
+//!   [`study`]: one file a stage.
 
 mod arrays;
 mod design;
 mod errors;
+mod figure;
 mod flight;
 mod linear;
 mod problem;
@@ -27,6 +29,8 @@ use pyo3::prelude::*;
 mod _core {
     #[pymodule_export]
     use super::design::{Specification, tune, verify};
+    #[pymodule_export]
+    use super::figure::history_svg;
     #[pymodule_export]
     use super::flight::{Maneuver, maneuver_names, simulate};
     #[pymodule_export]
