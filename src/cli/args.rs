@@ -7,24 +7,22 @@ use clap::{Args, ValueEnum};
 use super::error::color;
 use super::output;
 use super::{CliError, Outcome};
+use coaxdesign::pipeline::directory::DesignInputs;
 use coaxdesign::problem::{self, Loaded};
 use coaxdesign::units::System;
-
-/// Environment variable that a design sets for its stages.
-pub(super) const STAGE: &str = "COAXDESIGN_STAGE";
 
 /// The problem to work on.
 #[derive(Debug, Clone, Args)]
 pub struct ProblemArgs {
     /// Problem file, or the name of a built-in one: coax2d (the default), coax2d-appendix,
-    /// coax2d-physics
+    /// coax2d-physics; or the directory of a design, whose aircraft it is
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 }
 
 impl ProblemArgs {
-    /// Reads the problem. A built-in name is taken where no file has it; a
-    /// directory, such as that of a design, is no problem file.
+    /// Reads the problem. A built-in name is taken where no file has it; of
+    /// the directory of a design it is the aircraft.
     ///
     /// # Errors
     /// Every error of the file at once.
@@ -34,6 +32,10 @@ impl ProblemArgs {
         };
         match builtin_name(path) {
             Some(name) => Ok(problem::builtin_named(name)?),
+            None if path.is_dir() => match DesignInputs::read(path)? {
+                Some(design) => Ok(design.aircraft),
+                None => Ok(problem::load(path)?),
+            },
             None => Ok(problem::load(path)?),
         }
     }
@@ -45,13 +47,17 @@ impl ProblemArgs {
     /// As [`ProblemArgs::load`].
     pub fn load_with_warnings(&self, quiet: bool) -> Result<Loaded, CliError> {
         let loaded = self.load()?;
-        // A design has shown them once for all its stages.
-        if !quiet && std::env::var_os(STAGE).is_none() {
-            for warning in &loaded.warnings {
-                output::note(&(warning.render(color()) + "\n"));
-            }
+        if !quiet {
+            show_warnings(&loaded);
         }
         Ok(loaded)
+    }
+}
+
+/// Shows the warnings of a problem on standard error.
+pub(super) fn show_warnings(loaded: &Loaded) {
+    for warning in &loaded.warnings {
+        output::note(&(warning.render(color()) + "\n"));
     }
 }
 

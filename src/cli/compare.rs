@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs, builtin_name};
+use super::designs::SourceArgs;
 use super::modes::plane;
+use super::report::Inputs;
 use super::report::gather::Checked;
-use super::report::{Inputs, directory_of};
 use super::trim::{attitude, curves, least_margin, on_off, parse_speeds};
 use super::tune::usage;
 use super::{CliError, Outcome, output};
@@ -177,7 +178,7 @@ fn read(path: &Path, quiet: bool) -> Result<(Problem, Option<Checked>), CliError
         ));
     }
     if (path.is_dir() && builtin.is_none()) || schedule {
-        let inputs = Inputs::find(directory_of(path), None, None)?;
+        let inputs = Inputs::find(path, &SourceArgs::default(), quiet)?;
         return Ok((inputs.loaded.problem, inputs.checked));
     }
     let loaded = ProblemArgs { file: Some(path.to_path_buf()) }.load_with_warnings(quiet)?;

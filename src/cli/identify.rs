@@ -7,8 +7,8 @@ use clap::Args;
 use num_complex::Complex64;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
-use super::fly::load_schedule;
+use super::args::{Format, FormatArgs, OutputArgs, RunArgs};
+use super::designs::{Opened, SourceArgs};
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel, GainSet};
@@ -16,7 +16,6 @@ use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
 use coaxdesign::control::metrics::decibels;
 use coaxdesign::control::models::{airframe, from_state_space};
 use coaxdesign::control::plant::rigid;
-use coaxdesign::control::spec;
 use coaxdesign::control::tuning::default_grid;
 use coaxdesign::control::verify::inner_only;
 use coaxdesign::linear::linearize::{self, averaged};
@@ -42,11 +41,11 @@ use coaxdesign::vehicle::Vehicle;
 /// steps in every channel instead, beside the linear closed loop in time, outer loops closed.
 #[derive(Debug, Args)]
 pub struct Identify {
-    /// Schedule file, or a directory with a schedule.json
+    /// Directory of a design, or a schedule file
     #[arg(value_name = "DESIGN")]
     design: PathBuf,
     #[command(flatten)]
-    problem: ProblemArgs,
+    sources: SourceArgs,
     /// True airspeed, such as "40 kt"
     #[arg(long, value_name = "SPEED", default_value = "0 kt")]
     speed: String,
@@ -123,8 +122,8 @@ impl Identify {
             });
         };
         let settings = self.settings()?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let schedule = load_schedule(&self.design)?;
+        let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
+        let (loaded, schedule) = (&opened.loaded, &opened.schedule);
         let table = schedule.law().map_err(|error| CliError::Usage {
             message: error.to_string(),
             help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
@@ -144,12 +143,13 @@ impl Identify {
                 .map_err(|error| CliError::Missed(error.to_string()))?;
         let gains = inner_only(&point.gains);
         let law = Autopilot { table, stick_limits: schedule.stick_limits };
-        let options = Options::new(schedule.hardware, spec::builtin()?.pitch_rate_limit);
+        let options =
+            Options::new(schedule.hardware, opened.requirements.specification.pitch_rate_limit);
         if self.steps {
             let channels = steps::channels(&law.table, speed);
             let list = steps::compare(&vehicle, &start, &plant, &law, &options, &channels)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
-            return self.show_steps(&list, speed);
+            return self.show_steps(&opened, &list, speed);
         }
         let measured = measure_axes(&vehicle, &start, &law, &options, &settings, &Axis::ALL)
             .map_err(|error| CliError::Missed(error.to_string()))?;
@@ -166,14 +166,16 @@ impl Identify {
         }
         let text = match self.format.format {
             Format::Json => {
-                let text = serde_json::to_string_pretty(&as_json(
-                    &pairs, &measured, &model, &gains, speed,
-                ))
-                .map_err(|error| CliError::Internal(error.to_string()))?;
+                let value = as_json(&pairs, &measured, &model, &gains, speed);
+                let text = serde_json::to_string_pretty(&opened.with_head(&value))
+                    .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
             Format::Csv => as_table(&pairs, speed).to_csv(),
-            Format::Table => as_table(&pairs, speed).to_text(Coloring::for_stdout()),
+            Format::Table => {
+                format!("{}\n", opened.head())
+                    + &as_table(&pairs, speed).to_text(Coloring::for_stdout())
+            }
         };
         self.output.write(&text)
     }
@@ -201,7 +203,12 @@ impl Identify {
         Ok(Sweep { duration, ..Sweep::default().scaled(self.amplitude) })
     }
 
-    fn show_steps(&self, list: &[SmallStep], speed: f64) -> Result<Outcome, CliError> {
+    fn show_steps(
+        &self,
+        opened: &Opened,
+        list: &[SmallStep],
+        speed: f64,
+    ) -> Result<Outcome, CliError> {
         if let Some(path) = &self.plot {
             let svg = steps_figure(list, speed);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
@@ -227,12 +234,15 @@ impl Identify {
                     "speed_m_s": speed,
                     "steps": steps,
                 });
-                let text = serde_json::to_string_pretty(&value)
+                let text = serde_json::to_string_pretty(&opened.with_head(&value))
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
             Format::Csv => steps_table(list, speed).to_csv(),
-            Format::Table => steps_table(list, speed).to_text(Coloring::for_stdout()),
+            Format::Table => {
+                format!("{}\n", opened.head())
+                    + &steps_table(list, speed).to_text(Coloring::for_stdout())
+            }
         };
         self.output.write(&text)
     }

@@ -477,7 +477,7 @@ fn only_rigid_body(model: &PeriodicModel) -> Result<PeriodicModel, LinearError> 
 }
 
 /// Several JSON texts as one: a list if there is more than one.
-fn joined(texts: &[String]) -> String {
+pub(super) fn joined(texts: &[String]) -> String {
     match texts {
         [one] => one.clone(),
         _ => {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::args::{Format, FormatArgs, RunArgs};
+use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
 use super::fly::{FlyArgs, Ready, flight_error};
 use super::{CliError, Outcome, output};
 use coaxdesign::report::progress::Progress;
@@ -19,7 +19,7 @@ use coaxdesign::simulate::metrics::Meter;
 use coaxdesign::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw, wilson};
 use coaxdesign::simulate::{Flight, Options};
 use coaxdesign::trim::{Options as TrimOptions, sweep};
-use coaxdesign::units::{KNOT, Kind, parse_quantity};
+use coaxdesign::units::{Kind, parse_quantity};
 
 /// Schema of the file of runs.
 const SCHEMA: &str = "coaxdesign.montecarlo/1";
@@ -80,6 +80,8 @@ pub struct MonteCarlo {
     saturated: String,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -159,7 +161,7 @@ impl MonteCarlo {
             output::write_whole(path, lines(&head, &known)?.as_bytes(), true)?;
         }
         let list: Vec<&Run> = known.values().collect();
-        output::print(&self.summary(&head, &list)?)?;
+        output::print(&self.summary(&ready, &head, &list)?)?;
         let all = list.iter().all(|run| run.success);
         Ok(if all { Outcome::Done } else { Outcome::GoalMissed })
     }
@@ -268,7 +270,7 @@ impl MonteCarlo {
         Ok(run)
     }
 
-    fn summary(&self, head: &Head, list: &[&Run]) -> Result<String, CliError> {
+    fn summary(&self, ready: &Ready, head: &Head, list: &[&Run]) -> Result<String, CliError> {
         let count = |word: &str| list.iter().filter(|run| run.status == word).count();
         let successes = list.iter().filter(|run| run.success).count();
         let [low, high] = wilson(successes, list.len(), 1.96);
@@ -283,6 +285,9 @@ impl MonteCarlo {
         if self.format.format == Format::Json {
             let value = json!({
                 "schema": SCHEMA,
+                "design": ready.opened.as_ref().map(|o| &o.name),
+                "aircraft": ready.loaded.problem.name,
+                "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
                 "study": head,
                 "flown": list.len(),
                 "completed": count("completed"),
@@ -328,8 +333,11 @@ impl MonteCarlo {
             }
             return Ok(text);
         }
-        let mut text = format!(
-            "{}: {} of {} runs flown: {} completed, {} ended at a limit, {} diverged, {} did not \
+        let system = self.units.system();
+        let unit = Kind::Airspeed.symbol(system);
+        let mut text = ready.head();
+        text += &format!(
+            "\n{}: {} of {} runs flown: {} completed, {} ended at a limit, {} diverged, {} did not \
              trim\nSuccess: {} of {} ({:.1} %, 95 % confidence {:.1} to {:.1} %)\n\nWorst:\n",
             head.maneuver,
             list.len(),
@@ -346,14 +354,16 @@ impl MonteCarlo {
         );
         for run in worst {
             let v = &run.variation;
-            let peak = run.velocity_peak_m_s.iter().copied().fold(0.0, f64::max) / KNOT;
+            let peak = run.velocity_peak_m_s.iter().copied().fold(0.0, f64::max);
+            let peak = Kind::Airspeed.from_si(peak, system);
             text += &format!(
-                "  run {}: {} at {:.1} s, velocity error up to {peak:.1} kt\n    replay: \
-                 coaxdesign simulate ... --seed {} --model mass={} --model inertia={} --model \
-                 \"cg={} m\" --model \"delay={} s\"",
+                "  run {}: {} at {:.1} s, velocity error up to {peak:.1} {unit}\n    replay: {} \
+                 --seed {} --model mass={} --model inertia={} --model \"cg={} m\" --model \
+                 \"delay={} s\"",
                 run.run,
                 run.status,
                 run.time_s,
+                self.fly.replay(),
                 run.seed,
                 v.mass,
                 v.inertia,

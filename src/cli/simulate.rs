@@ -210,6 +210,33 @@ impl Simulate {
     }
 }
 
+/// The file of a flight, metrics and history, and how it ended: what `design`
+/// keeps of its manoeuvre.
+pub(super) fn recorded(
+    ready: &Ready,
+    every: u64,
+    watch: &Watch,
+) -> Result<(String, Outcome), CliError> {
+    let plan = FlightPlan {
+        maneuver: ready.as_read.clone(),
+        variation: ready.variation,
+        options: ready.options.clone(),
+        every,
+    };
+    let mut rows = Vec::new();
+    let flown =
+        fly::<CliError>(&ready.loaded.problem, ready.schedule.as_ref(), &plan, watch, |_, row| {
+            if !row.is_empty() {
+                rows.push(row.to_vec());
+            }
+            Ok(())
+        })?;
+    let mut whole = summary(ready, &flown)?;
+    whole["history"] = history(&Kept { columns: flown.columns.clone(), rows });
+    let completed = flown.status == Status::Completed;
+    Ok((pretty(&whole)?, if completed { Outcome::Done } else { Outcome::GoalMissed }))
+}
+
 fn pretty(value: &Json) -> Result<String, CliError> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| CliError::Internal(e.to_string()))?;
@@ -251,6 +278,9 @@ fn summary(ready: &Ready, flown: &Flown) -> Result<Json, CliError> {
         "schema": SCHEMA,
         "maneuver": ready.maneuver.title,
         "aircraft": ready.loaded.problem.name,
+        "design": ready.opened.as_ref().map(|o| &o.name),
+        "problem": ready.opened.as_ref().map(|o| &o.problem_name),
+        "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
         "schedule": ready.schedule.as_ref().map(|s| json!({
             "name": s.name,
             "requirements_met": s.requirements_met,
@@ -357,7 +387,7 @@ fn actuator_table(metrics: &Metrics) -> Table {
 
 fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) -> String {
     let end = &metrics.end;
-    let mut text = format!("{}: ", ready.maneuver.title);
+    let mut text = format!("{}\n{}: ", ready.head(), ready.maneuver.title);
     text += &match (&end.state, end.value, end.bound) {
         (Some(state), Some(value), Some(bound)) => format!(
             "{} at {:.2} s: {state} passed {bound:.4} (SI; it was {value:.4})\n",

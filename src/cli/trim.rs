@@ -453,7 +453,7 @@ fn clean(value: f64) -> Json {
     json!(digits)
 }
 
-fn json_text(
+pub(super) fn json_text(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,

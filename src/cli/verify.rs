@@ -3,26 +3,28 @@
 use clap::Args;
 use std::path::PathBuf;
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
-use super::tune::{SpecArgs, authority_text, report_text, rows_table, usage, verification_text};
+use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
+use super::designs::{Opened, SourceArgs};
+use super::tune::{authority_text, left_out_text, report_text, rows_table};
 use super::watch::Watch;
 use super::{CliError, Outcome};
-use coaxdesign::pipeline::verify;
+use coaxdesign::pipeline::{verification_document, verify};
 use coaxdesign::report::table::Coloring;
-use coaxdesign::schedule::Schedule;
 
 /// Verify a gain schedule, tuned here or elsewhere, against a specification
 ///
-/// The hardware is that of the specification, not of the schedule.
+/// Aircraft and specification are those of the design unless others are named. The hardware is
+/// that of the specification, not of the schedule.
 #[derive(Debug, Args)]
 pub struct Verify {
-    /// Schedule file, or a directory with a schedule.json
-    #[arg(value_name = "SCHEDULE")]
-    schedule: PathBuf,
+    /// Directory of a design, or a schedule file
+    #[arg(value_name = "DESIGN")]
+    design: PathBuf,
     #[command(flatten)]
-    problem: ProblemArgs,
-    #[command(flatten)]
-    spec: SpecArgs,
+    sources: SourceArgs,
+    /// Use only the first nominal model of the specification
+    #[arg(long)]
+    nominal_only: bool,
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
@@ -37,31 +39,27 @@ impl Verify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         self.output.check()?;
-        let path = if self.schedule.is_dir() {
-            self.schedule.join("schedule.json")
-        } else {
-            self.schedule.clone()
-        };
-        let text = std::fs::read_to_string(&path)
-            .map_err(|source| CliError::Io { path: path.clone(), source })?;
-        let not_usable = |error: coaxdesign::schedule::ScheduleError| {
-            usage(
-                format!("{}: {error}", path.display()),
-                "a schedule is written by `coaxdesign tune-gains -o DIR`",
-            )
-        };
-        let schedule = Schedule::from_json(&text).map_err(not_usable)?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let spec = self.spec.load()?.specification;
+        let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
+        let mut spec = opened.requirements.specification.clone();
+        if self.nominal_only {
+            spec.models.truncate(1);
+        }
         let system = self.units.system();
         let watch = Watch::new(self.run.quiet);
-        let verified = verify(&schedule, &loaded.problem, &spec, &watch)?;
+        let verified = verify(&opened.schedule, &opened.loaded.problem, &spec, &watch)?;
         let text = match self.format.format {
-            Format::Json => verification_text(&verified, &[], &[])?,
+            Format::Json => {
+                let internal = |e: serde_json::Error| CliError::Internal(e.to_string());
+                let value = verification_document(&verified, &[], &[]).map_err(internal)?;
+                let value = opened.with_head(&value);
+                serde_json::to_string_pretty(&value).map_err(internal)? + "\n"
+            }
             Format::Csv => rows_table(&verified.verification, system, true).to_csv(),
             Format::Table => {
-                report_text(&verified.verification, system, Coloring::for_stdout())
+                format!("{}\n", opened.head())
+                    + &report_text(&verified.verification, system, Coloring::for_stdout())
                     + &authority_text(&verified.authority, system)
+                    + &left_out_text(&verified.left_out, system)
             }
         };
         self.output.write(&text)?;

@@ -18,6 +18,9 @@
 //! the work; [`Silent`] does neither. Results do not depend on the observer
 //! nor on the number of threads.
 //!
+//! [`directory`] is the form in which a design keeps all that made it, and
+//! [`DirectoryLock`] keeps a second writer out.
+//!
 //! A schedule with the same bytes as `coaxdesign tune-gains` writes:
 //!
 //! ```no_run
@@ -31,13 +34,16 @@
 //! # }
 //! ```
 
+pub mod directory;
 mod error;
+mod lock;
 mod observer;
 mod requirements;
 mod stages;
 mod tuning;
 
 pub use error::PipelineError;
+pub use lock::{DirectoryLock, LockError};
 pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, models, trim};
