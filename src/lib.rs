@@ -4,10 +4,12 @@
 //!
 //! * [`units`]: the only conversion constants, and quantities with units.
 //! * [`numerics`]: interpolation, quadrature, derivatives, least squares, conic programs.
+//! * [`law`]: the control law as a block diagram in data, from which it is stepped, linearised and written.
 //! * [`problem`]: a TOML file becomes checked data, every error of it reported at once.
 //! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
 //! * [`trim`]: the periodic orbit of a flight condition.
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
+//! * [`lti`]: linear models from elsewhere, and one stitched model of them.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
@@ -157,7 +159,9 @@
 
 pub mod control;
 pub mod export;
+pub mod law;
 pub mod linear;
+pub mod lti;
 pub mod numerics;
 pub mod pipeline;
 pub mod problem;

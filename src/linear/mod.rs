@@ -18,6 +18,7 @@
 //! * [`time_response`]: exact responses to steps and doublets.
 //! * [`set`]: models over speed, interpolated and checked at midpoints.
 //! * [`io`]: JSON, CSV and MAT files.
+//! * [`mat`]: reads MAT files.
 //!
 //! Inside, everything is SI and radians; see [`crate::units`] for the shown
 //! units.
@@ -28,6 +29,7 @@ pub mod frequency;
 pub mod harmonic;
 pub mod io;
 pub mod linearize;
+pub mod mat;
 pub mod model;
 pub mod modes;
 pub mod reduction;

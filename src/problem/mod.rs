@@ -44,14 +44,23 @@ pub struct Loaded {
 }
 
 /// Names of the built-in problems, the default first.
-pub const BUILTIN: [&str; 3] = ["coax2d", "coax2d-appendix", "coax2d-physics"];
+pub const BUILTIN: [&str; 6] =
+    ["coax2d", "coax2d-appendix", "coax2d-physics", "uh60a", "hummingbird", "firefly"];
 
 /// Files that are built in.
-const EMBEDDED: [(&str, &str); 4] = [
+const EMBEDDED: [(&str, &str); 12] = [
     ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
     ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
     ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
+    ("uh60a.toml", include_str!("../../problems/uh60a.toml")),
+    ("hummingbird.toml", include_str!("../../problems/hummingbird.toml")),
+    ("firefly.toml", include_str!("../../problems/firefly.toml")),
     ("airfoils/naca23012.c81", include_str!("../../problems/airfoils/naca23012.c81")),
+    ("airfoils/sc1095.c81", include_str!("../../problems/airfoils/sc1095.c81")),
+    ("airfoils/uh60a-tail.c81", include_str!("../../problems/airfoils/uh60a-tail.c81")),
+    ("airfoils/uh60a-fin.c81", include_str!("../../problems/airfoils/uh60a-fin.c81")),
+    ("airfoils/uh60a-stabilator.c81", include_str!("../../problems/airfoils/uh60a-stabilator.c81")),
+    ("fuselages/uh60a.csv", include_str!("../../problems/fuselages/uh60a.csv")),
 ];
 
 /// Reads a problem file, its bases and its tables.
