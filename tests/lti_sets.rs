@@ -5,11 +5,11 @@ use coaxdesign::control::spec;
 use coaxdesign::linear::dense::eigenvalues;
 use coaxdesign::linear::io::ModelRecord;
 use coaxdesign::linear::io::{MatFile, set_to_json, set_to_mat, to_csv};
-use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::linear::set::{ModelSet, TrimValues};
 use coaxdesign::lti::mapping::{Mapping, MissingTrim};
 use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::lti::{LtiSet, load};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{KNOT, System};
 use std::path::{Path, PathBuf};
 
