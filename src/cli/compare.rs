@@ -92,8 +92,18 @@ struct Subject {
 impl Compare {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
-        for path in self.plot.iter().chain(&self.html) {
-            self.output.check_path(path)?;
+        self.format.of(&self.output)?;
+        if let Some(plot) = &self.plot {
+            self.output.check_plot(plot)?;
+        }
+        if let Some(html) = &self.html {
+            self.output.check_path(html)?;
+            if self.plot.as_ref().is_some_and(|plot| output::same_file(plot, html)) {
+                return Err(usage(
+                    format!("{}: two results cannot go to one file", html.display()),
+                    "give --plot and --html different names",
+                ));
+            }
         }
         self.run.start()?;
         let system = self.units.system();
@@ -108,7 +118,7 @@ impl Compare {
             .collect::<Result<_, _>>()?;
         progress.finish();
         let table = table(&subjects, &conditions, system);
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table.to_text(Coloring::for_stdout()),
             Format::Csv => table.to_csv(),
             Format::Json => json_text(&subjects)?,

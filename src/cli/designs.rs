@@ -69,6 +69,7 @@ pub fn load_schedule(path: &Path) -> Result<Schedule, CliError> {
         ),
         _ => CliError::Io { path: file.clone(), source },
     })?;
+    output::is_input(&file);
     Schedule::from_json(&text).map_err(|error| {
         usage(
             format!("{}: {error}", file.display()),

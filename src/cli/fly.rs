@@ -264,5 +264,6 @@ fn load_maneuver(path: &Path) -> Result<Maneuver, CliError> {
     {
         return Ok(found?);
     }
+    output::is_input(path);
     Ok(maneuver::load(path)?)
 }

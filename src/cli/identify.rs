@@ -7,7 +7,8 @@ use clap::Args;
 use num_complex::Complex64;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, RunArgs};
+use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
+use super::bode::speed_text;
 use super::designs::{Opened, SourceArgs};
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
@@ -64,6 +65,8 @@ pub struct Identify {
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
     run: RunArgs,
@@ -111,8 +114,9 @@ impl Identify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(plot) = &self.plot {
-            self.output.check_path(plot)?;
+            self.output.check_plot(plot)?;
         }
         let speeds = parse_speeds(&self.speed)?;
         let [speed] = speeds[..] else {
@@ -122,6 +126,7 @@ impl Identify {
             });
         };
         let settings = self.settings()?;
+        let system = self.units.system();
         let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
         let (loaded, schedule) = (&opened.loaded, &opened.schedule);
         let table = schedule.law().map_err(|error| CliError::Usage {
@@ -161,20 +166,20 @@ impl Identify {
             .map_err(|error| CliError::Missed(error.to_string()))?;
         pairs.extend(plant_pairs(&alone, &exact));
         if let Some(path) = &self.plot {
-            let svg = figure(&measured, &model, &gains, speed);
+            let svg = figure(&measured, &model, &gains, speed, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Json => {
                 let value = as_json(&pairs, &measured, &model, &gains, speed);
                 let text = serde_json::to_string_pretty(&opened.with_head(&value))
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => as_table(&pairs, speed).to_csv(),
+            Format::Csv => as_table(&pairs, speed, system).to_csv(),
             Format::Table => {
                 format!("{}\n", opened.head())
-                    + &as_table(&pairs, speed).to_text(Coloring::for_stdout())
+                    + &as_table(&pairs, speed, system).to_text(Coloring::for_stdout())
             }
         };
         self.output.write(&text)
@@ -209,11 +214,12 @@ impl Identify {
         list: &[SmallStep],
         speed: f64,
     ) -> Result<Outcome, CliError> {
+        let system = self.units.system();
         if let Some(path) = &self.plot {
-            let svg = steps_figure(list, speed);
+            let svg = steps_figure(list, speed, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Json => {
                 let steps: Vec<Json> = list
                     .iter()
@@ -238,10 +244,10 @@ impl Identify {
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => steps_table(list, speed).to_csv(),
+            Format::Csv => steps_table(list, speed, system).to_csv(),
             Format::Table => {
                 format!("{}\n", opened.head())
-                    + &steps_table(list, speed).to_text(Coloring::for_stdout())
+                    + &steps_table(list, speed, system).to_text(Coloring::for_stdout())
             }
         };
         self.output.write(&text)
@@ -257,10 +263,11 @@ fn step_kind(channel: Channel) -> Kind {
     }
 }
 
-fn steps_table(list: &[SmallStep], speed: f64) -> Table {
+fn steps_table(list: &[SmallStep], speed: f64, system: System) -> Table {
     let title = format!(
-        "Small steps at {:.0} kt, flown beside the linear closed loop",
-        Kind::Airspeed.from_si(speed, System::Us)
+        "Small steps at {:.0} {}, flown beside the linear closed loop",
+        Kind::Airspeed.from_si(speed, system),
+        Kind::Airspeed.symbol(system)
     );
     let digits = Digits::Decimals(2);
     let mut table = Table::new(
@@ -277,8 +284,8 @@ fn steps_table(list: &[SmallStep], speed: f64) -> Table {
         let kind = step_kind(step.channel);
         table.row([
             Cell::from(step.channel.name()),
-            kind.symbol(System::Us).into(),
-            kind.from_si(steps::size(step.channel), System::Us).into(),
+            kind.symbol(system).into(),
+            kind.from_si(steps::size(step.channel), system).into(),
             (100.0 * step.difference()).into(),
             (100.0 * step.largest_difference()).into(),
         ]);
@@ -286,7 +293,7 @@ fn steps_table(list: &[SmallStep], speed: f64) -> Table {
     table
 }
 
-fn steps_figure(list: &[SmallStep], speed: f64) -> String {
+fn steps_figure(list: &[SmallStep], speed: f64, system: System) -> String {
     let panels: Vec<CurvePanel> = list
         .iter()
         .map(|step| {
@@ -295,19 +302,19 @@ fn steps_figure(list: &[SmallStep], speed: f64) -> String {
                 name: name.into(),
                 style,
                 x: step.time.clone(),
-                y: values.iter().map(|y| kind.from_si(*y, System::Us)).collect(),
+                y: values.iter().map(|y| kind.from_si(*y, system)).collect(),
                 marks: Marks::Without,
             };
             CurvePanel {
                 title: String::new(),
                 quantity: step.channel.name().into(),
-                unit: kind.symbol(System::Us).into(),
+                unit: kind.symbol(system).into(),
                 minimum_span: 0.0,
                 curves: vec![curve("flown", 0, &step.flown), curve("linear", 1, &step.linear)],
             }
         })
         .collect();
-    let title = format!("Small steps at {:.0} kt", Kind::Airspeed.from_si(speed, System::Us));
+    let title = format!("Small steps at {}", speed_text(speed, system));
     time_history_figure(&title, 2, &panels).to_svg()
 }
 
@@ -368,11 +375,12 @@ fn difference(pair: &Pair) -> Option<f64> {
     Some(100.0 * (pair.measured? / pair.predicted? - 1.0))
 }
 
-fn as_table(pairs: &[Pair], speed: f64) -> Table {
+fn as_table(pairs: &[Pair], speed: f64, system: System) -> Table {
     let digits = Digits::Significant(4);
     let title = format!(
-        "Measured in flight at {:.0} kt, beside the linear prediction",
-        Kind::Airspeed.from_si(speed, System::Us)
+        "Measured in flight at {:.0} {}, beside the linear prediction",
+        Kind::Airspeed.from_si(speed, system),
+        Kind::Airspeed.symbol(system)
     );
     let mut table = Table::new(
         &title,
@@ -460,7 +468,13 @@ fn as_json(
     })
 }
 
-fn figure(measured: &[Measured], model: &LoopModel, gains: &GainSet, speed: f64) -> String {
+fn figure(
+    measured: &[Measured],
+    model: &LoopModel,
+    gains: &GainSet,
+    speed: f64,
+    system: System,
+) -> String {
     let channels: Vec<BodeChannel> = measured
         .iter()
         .map(|m| {
@@ -488,7 +502,6 @@ fn figure(measured: &[Measured], model: &LoopModel, gains: &GainSet, speed: f64)
             }
         })
         .collect();
-    let title =
-        format!("Loops cut at the sticks, {:.0} kt", Kind::Airspeed.from_si(speed, System::Us));
+    let title = format!("Loops cut at the sticks, {}", speed_text(speed, system));
     bode_figure(&title, &channels).to_svg()
 }

@@ -282,7 +282,7 @@ impl MonteCarlo {
         };
         worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
         worst.truncate(5);
-        if self.format.format == Format::Json {
+        if self.format.shown() == Format::Json {
             let value = json!({
                 "schema": SCHEMA,
                 "design": ready.opened.as_ref().map(|o| &o.name),
@@ -305,7 +305,7 @@ impl MonteCarlo {
                 .map_err(|error| CliError::Internal(error.to_string()))?;
             return Ok(text + "\n");
         }
-        if self.format.format == Format::Csv {
+        if self.format.shown() == Format::Csv {
             let mut text = String::from(
                 "run,seed,mass,inertia,cg_m,delay_s,turbulence_m_s,inflow,gust_forward_m_s,\
                  gust_right_m_s,gust_up_m_s,status,time_s,\

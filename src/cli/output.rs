@@ -2,6 +2,7 @@
 
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use super::CliError;
 
@@ -60,6 +61,12 @@ impl WholeFile {
                 return Err(CliError::Exists { path: path.into() });
             }
             target = path.canonicalize().map_err(fault)?;
+            if INPUTS.lock().is_ok_and(|inputs| inputs.contains(&target)) {
+                return Err(CliError::Usage {
+                    message: format!("{}: this command reads the file", path.display()),
+                    help: "write the result to another file".into(),
+                });
+            }
         }
         let directory = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -136,6 +143,30 @@ impl std::io::Write for WholeFile {
             Sink::Temporary(file) => file.flush(),
             Sink::Device(file) => file.flush(),
         }
+    }
+}
+
+/// Whether two paths lead to one file, which need not be there yet.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    let whole = |path: &Path| {
+        if let Ok(found) = path.canonicalize() {
+            return Some(found);
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(parent.canonicalize().ok()?.join(path.file_name()?))
+    };
+    a == b || matches!((whole(a), whole(b)), (Some(a), Some(b)) if a == b)
+}
+
+/// Files that this command has read.
+static INPUTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Notes that a file is an input of this command, which no result may replace.
+pub fn is_input(path: &Path) {
+    if let Ok(whole) = path.canonicalize()
+        && let Ok(mut inputs) = INPUTS.lock()
+    {
+        inputs.push(whole);
     }
 }
 

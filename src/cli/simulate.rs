@@ -136,9 +136,9 @@ impl Simulate {
         self.run.start()?;
         self.output.check()?;
         if let Some(plot) = &self.plot {
-            self.output.check_path(plot)?;
+            self.output.check_plot(plot)?;
         }
-        let form = self.output.output.as_deref().map(history_form).transpose()?;
+        let form = self.output.file().map(history_form).transpose()?;
         let ready = self.fly.ready(self.run.quiet)?;
         let system = self.units.system();
         let every = self.every()?;
@@ -155,7 +155,7 @@ impl Simulate {
         let problem = &ready.loaded.problem;
         let flown = fly(problem, ready.schedule.as_ref(), &plan, &watch, |columns, row| {
             if row.is_empty() {
-                if let (Some(form), Some(path)) = (form, &self.output.output) {
+                if let (Some(form), Some(path)) = (form, self.output.file()) {
                     stream = Stream::create(form, path, self.output.force, columns, system)?;
                 }
                 return Ok(());
@@ -171,7 +171,7 @@ impl Simulate {
         let kept = Kept { columns: flown.columns.clone(), rows: kept };
         let (status, metrics) = (&flown.status, &flown.metrics);
         let summary = summary(&ready, &flown)?;
-        if let (Some(History::Json), Some(path)) = (form, &self.output.output) {
+        if let (Some(History::Json), Some(path)) = (form, self.output.file()) {
             let mut whole = summary.clone();
             whole["history"] = history(&kept);
             let text = pretty(&whole)?;
@@ -182,7 +182,7 @@ impl Simulate {
             let svg = figure(&ready, status, &kept, rows.round() as usize, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        match self.format.format {
+        match self.format.shown() {
             Format::Json => output::print(&pretty(&summary)?)?,
             Format::Csv => output::print(&tracking_table(metrics, system).to_csv())?,
             Format::Table => {

@@ -226,8 +226,9 @@ impl FlightArgs {
 impl Trim {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         self.run.start()?;
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
@@ -240,7 +241,7 @@ impl Trim {
             }
         }
         let system = self.units.system();
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table(problem, &points, system),
             Format::Csv => csv(problem, &points, system),
             Format::Json => json_text(problem, &points, system)?,

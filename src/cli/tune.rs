@@ -111,7 +111,10 @@ impl SpecArgs {
     pub(super) fn load(&self) -> Result<Requirements, CliError> {
         Ok(self.reduced(match &self.spec {
             None => Requirements::builtin()?,
-            Some(path) => Requirements::load(path)?,
+            Some(path) => {
+                output::is_input(path);
+                Requirements::load(path)?
+            }
         }))
     }
 
@@ -183,7 +186,7 @@ impl Tune {
             note.options = self.options();
             chosen.write(&paths.directory, &note, files, self.force)?;
         }
-        match self.format.format {
+        match self.format.shown() {
             Format::Json => {
                 output::print(&json_text()?)?;
             }

@@ -39,6 +39,7 @@ impl Verify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         self.output.check()?;
+        self.format.of(&self.output)?;
         let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
         let mut spec = opened.requirements.specification.clone();
         if self.nominal_only {
@@ -47,7 +48,7 @@ impl Verify {
         let system = self.units.system();
         let watch = Watch::new(self.run.quiet);
         let verified = verify(&opened.schedule, &opened.loaded.problem, &spec, &watch)?;
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Json => {
                 let internal = |e: serde_json::Error| CliError::Internal(e.to_string());
                 let value = verification_document(&verified, &[], &[]).map_err(internal)?;
