@@ -40,12 +40,12 @@ impl Sources {
     }
 
     pub(crate) fn add(&mut self, name: &str, text: String) -> usize {
-        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
-        self.lines.push(std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect());
         self.add_at(name, Path::new(name), text)
     }
 
     pub(crate) fn add_at(&mut self, name: &str, path: &Path, text: String) -> usize {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        self.lines.push(std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect());
         self.files.push(Source { name: name.into(), path: path.into(), text });
         self.files.len() - 1
     }
