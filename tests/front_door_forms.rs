@@ -64,7 +64,7 @@ fn a_result_never_replaces_what_it_was_made_from() {
 }
 
 #[test]
-fn every_kind_of_file_can_be_begun() {
+fn every_kind_of_file_can_be_begun_and_has_a_schema() {
     let home = tempfile::tempdir().unwrap();
     let here = home.path();
     for kind in ["coaxial", "helicopter", "multicopter", "specification", "maneuver"] {
@@ -74,6 +74,11 @@ fn every_kind_of_file_can_be_begun() {
     for kind in ["coaxial", "helicopter", "multicopter"] {
         let checked = command(here, &format!("check {kind}.toml"));
         assert_eq!(code(&checked), 0, "{}", err(&checked));
+    }
+    for kind in ["problem", "specification", "maneuver", "schedule", "law"] {
+        let schema = command(here, &format!("schema --of {kind}"));
+        let value: serde_json::Value = serde_json::from_str(out(&schema)).unwrap();
+        assert!(value["$schema"].is_string(), "{kind}");
     }
 }
 
