@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::designs::{Chosen, lock};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
@@ -12,13 +12,15 @@ use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::design::Design;
 use coaxdesign::control::explain::{Explanation, Target};
 use coaxdesign::control::law::LawTable;
+use coaxdesign::control::misses::misses;
 use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
 use coaxdesign::control::verify::{Authority, Verdict, Verification};
 use coaxdesign::pipeline::{
-    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, verification_document,
+    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
+    verification_document,
 };
 use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
@@ -36,6 +38,8 @@ use coaxdesign::units::{Kind, System};
 pub struct Tune {
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
     #[command(flatten)]
     spec: SpecArgs,
     /// Directory of the design: schedule.json, verification.json, and all that made them. A design
@@ -146,9 +150,15 @@ impl Tune {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         let _lock = self.output.as_deref().map(lock).transpose()?;
-        let chosen =
-            Chosen::new(&self.problem, &self.spec, self.output.as_deref(), self.run.quiet)?;
-        let (loaded, requirements) = (&chosen.loaded, &chosen.requirements);
+        let own = self.spec.load()?;
+        let mapping = &own.specification.models_from;
+        let quiet = self.run.quiet;
+        let set = self.models.load(&self.problem, mapping, &own.name, quiet)?;
+        let chosen = match &set {
+            Some(_) => None,
+            None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
+        };
+        let requirements = chosen.as_ref().map_or(&own, |chosen| &chosen.requirements);
         let system = self.units.system();
         let paths =
             self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
@@ -164,7 +174,13 @@ impl Tune {
             explain_all: self.explain,
         };
         let watch = Watch::new(self.run.quiet);
-        let tuned = tune(loaded, requirements, &options, &watch)?;
+        let tuned = match (&set, &chosen) {
+            (Some(set), _) => tune_models(set, requirements, &options, &watch)?,
+            (None, Some(chosen)) => tune(&chosen.loaded, requirements, &options, &watch)?,
+            (None, None) => {
+                return Err(CliError::Internal("there is neither aircraft nor model".into()));
+            }
+        };
         let spec = &requirements.specification;
         let Tuned { design, nodes, verified, explanations, .. } = &tuned;
         if !self.run.quiet {
@@ -182,9 +198,15 @@ impl Tune {
                     files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
                 }
             }
-            let mut note = chosen.note();
-            note.options = self.options();
-            chosen.write(&paths.directory, &note, files, self.force)?;
+            match &chosen {
+                Some(chosen) => {
+                    let mut note = chosen.note();
+                    note.options = self.options();
+                    chosen.write(&paths.directory, &note, files, self.force)?;
+                }
+                // Models from elsewhere are no aircraft that could be kept.
+                None => output::write_set(&paths.directory, &files, self.force)?,
+            }
         }
         match self.format.shown() {
             Format::Json => {
@@ -197,7 +219,7 @@ impl Tune {
                 let coloring = Coloring::for_stdout();
                 let mut text = format!(
                     "aircraft {}, specification {}\n\n",
-                    loaded.problem.name, requirements.name
+                    tuned.schedule.name, requirements.name
                 );
                 text += &lag_text(design, system);
                 text += &gains_table(&design.table, system).to_text(coloring);
@@ -209,6 +231,7 @@ impl Tune {
                     text += &prices_table(prices, system).to_text(coloring);
                 }
                 text += &explanations_text(explanations, system);
+                text += &misses_text(&verified.verification, system);
                 text += &left_out_text(&verified.left_out, system);
                 if let Some(paths) = &paths {
                     text += &format!("Wrote {}.\n", paths.directory.display());
@@ -500,6 +523,11 @@ fn growing_table(v: &Verification, system: System) -> Table {
 
 /// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
+    if checks.is_empty() {
+        return String::from(
+            "\nAuthority is not checked: linear models say nothing of the blades' limits.\n",
+        );
+    }
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
     for axis in Axis::ALL {
         let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis.name()).collect();
@@ -551,7 +579,7 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
         if e.attainable {
-            text += "all targets can be met. Prices in actuator activity:\n";
+            text += "this model alone can meet all targets here. Prices in actuator activity:\n";
             for t in &e.targets {
                 match t.price_percent {
                     Some(p) => {
@@ -580,6 +608,41 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
                 }
             }
         }
+    }
+    text
+}
+
+/// Every requirement that is missed: how far, where worst, and the key that
+/// asks for it.
+fn misses_text(verification: &Verification, system: System) -> String {
+    let found = misses(verification);
+    if found.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nMissed, worst first, with what these gains reach:\n");
+    for m in &found {
+        let class = match m.class {
+            ModelClass::Nominal => "nominal",
+            ModelClass::OffNominal => "off-nominal",
+        };
+        let place = if m.breakpoint { "at" } else { "between breakpoints, at" };
+        text += &format!(
+            "  {} {}: asked {:.3}, reached {:.3} {place} {} with model {}; {} of {} {class} rows. \
+             The key is {}",
+            m.axis,
+            m.requirement,
+            m.asked,
+            m.reached,
+            speed_text(m.speed, system),
+            m.model,
+            m.rows[0],
+            m.rows[1],
+            m.key
+        );
+        text += &match m.factor {
+            Some(factor) => format!(", times {factor:.3} to be met.\n"),
+            None => ".\n".into(),
+        };
     }
     text
 }
