@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
@@ -17,7 +17,8 @@ use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
 use coaxdesign::control::verify::{Authority, Verdict, Verification};
 use coaxdesign::pipeline::{
-    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, verification_document,
+    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
+    verification_document,
 };
 use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
@@ -35,6 +36,8 @@ use coaxdesign::units::{Kind, System};
 pub struct Tune {
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
     #[command(flatten)]
     spec: SpecArgs,
     /// Directory for schedule.json and verification.json
@@ -118,8 +121,9 @@ pub(super) fn usage(message: String, help: &str) -> CliError {
 impl Tune {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let requirements = self.spec.load()?;
+        let mapping = &requirements.specification.models_from;
+        let set = self.models.load(&self.problem, mapping, &requirements.name, self.run.quiet)?;
         let system = self.units.system();
         let paths =
             self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
@@ -135,7 +139,13 @@ impl Tune {
             explain_all: self.explain,
         };
         let watch = Watch::new(self.run.quiet);
-        let tuned = tune(&loaded, &requirements, &options, &watch)?;
+        let tuned = match &set {
+            Some(set) => tune_models(set, &requirements, &options, &watch)?,
+            None => {
+                let loaded = self.problem.load_with_warnings(self.run.quiet)?;
+                tune(&loaded, &requirements, &options, &watch)?
+            }
+        };
         let spec = &requirements.specification;
         let Tuned { schedule, design, nodes, verified, explanations } = &tuned;
         if !self.run.quiet {
@@ -460,6 +470,11 @@ fn growing_table(v: &Verification, system: System) -> Table {
 
 /// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
+    if checks.is_empty() {
+        return String::from(
+            "\nAuthority is not checked: linear models say nothing of the blades' limits.\n",
+        );
+    }
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
     for axis in Axis::ALL {
         let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis.name()).collect();

@@ -9,7 +9,7 @@ use super::axis::Channel;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
-pub use crate::law::mdi::{LawSettings, TurnCoordination};
+pub use crate::law::mdi::{LawSettings, Notch, Notches, TurnCoordination};
 use crate::lti::mapping::{MODELS_FROM, Mapping};
 use crate::problem::keys::{Key, Table, Value, above_below, default, from_to, optional, required};
 use crate::problem::read::{CheckedTable, Reader, read_text};
@@ -534,12 +534,48 @@ static SOLVER: Table = Table {
     alternatives: &[],
 };
 
+static NOTCH: Table = Table {
+    doc: "A notch filter on what feedback asks of the axis.",
+    keys: &[
+        required(
+            "frequency",
+            frequency("0 rad/s", "1000 rad/s"),
+            "Frequency that is taken out, such as that of a structural mode.",
+        ),
+        default(
+            "damping",
+            Value::Number(from_to("0.01", "2")),
+            "0.5",
+            "Damping ratio: half the relative width.",
+        ),
+        default(
+            "depth",
+            Value::Number(from_to("0", "1")),
+            "0.1",
+            "Factor with which the frequency passes.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static NOTCHES: Table = Table {
+    doc: "Notch filters of the inner axes.",
+    keys: &[
+        optional("roll", Value::Table(&NOTCH), "no filter", "In roll."),
+        optional("pitch", Value::Table(&NOTCH), "no filter", "In pitch."),
+        optional("yaw", Value::Table(&NOTCH), "no filter", "In yaw."),
+        optional("heave", Value::Table(&NOTCH), "no filter", "In heave."),
+    ],
+    alternatives: &[],
+};
+
 /// The whole specification format.
 pub static ROOT: Table = Table {
     doc: "What the tuned control law must meet.",
     keys: &[
         required("schedule", Value::Table(&SCHEDULE), "Where the gains are scheduled."),
         default("inversion", Value::Table(&INVERSION), "{}", "How the model is inverted."),
+        optional("notch", Value::Table(&NOTCHES), "no filters", "Notch filters."),
         default("hardware", Value::Table(&HARDWARE), "{}", "From measurement to blade pitch."),
         optional(
             "models_from",
@@ -800,6 +836,17 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
             attitude_damping: command.number("attitude_damping")?,
             yaw_time_constant: command.number("yaw_time_constant")?,
             heave_time_constant: command.number("heave_time_constant")?,
+            notch: root.table("notch").map_or_else(Notches::default, |filters| {
+                let of = |axis: &str| {
+                    let t = filters.table(axis)?;
+                    Some(Notch {
+                        frequency: t.number("frequency")?,
+                        damping: t.number("damping")?,
+                        depth: t.number("depth")?,
+                    })
+                };
+                Notches { roll: of("roll"), pitch: of("pitch"), yaw: of("yaw"), heave: of("heave") }
+            }),
         },
         automatic_reference_delay: reference_delay.is_none(),
         hardware: Hardware {

@@ -620,6 +620,15 @@ fn complete(
         }
         constants.push(c);
     }
+    // A law need not have notch filters: what is not there is not missed.
+    for mut c in description::notch_forms() {
+        let given = partial.constants.get(&c.name).copied();
+        let before = resampled.as_ref().and_then(|base| base.constant(&c.name).ok());
+        if let Some(value) = given.or(before) {
+            c.value = value;
+            constants.push(c);
+        }
+    }
     if !missing.is_empty() {
         return Err(ImportError::Missing { names: missing.into_iter().collect() });
     }

@@ -12,6 +12,7 @@
 
 mod ardupilot;
 mod c;
+mod code;
 pub mod csv;
 pub mod description;
 mod fmu;
@@ -29,6 +30,7 @@ pub mod vectors;
 pub use description::{Description, DescriptionError};
 
 use crate::control::law::LawTable;
+use crate::law::Diagram;
 use crate::problem::{LONGEST_NAME, visible};
 use crate::schedule::Schedule;
 
@@ -249,6 +251,15 @@ const MAX_DELAY_STEPS: usize = 10_000;
 fn delay_steps(input: &Input) -> usize {
     // As the law itself rounds it.
     (input.schedule.law.reference_delay / input.options.step).round() as usize
+}
+
+/// The law's diagram as generated code needs it.
+fn diagram(input: &Input, engage: bool) -> Diagram {
+    let limits = input.schedule.stick_limits;
+    let mut diagram = input.law.diagram(input.options.step, limits, false, engage);
+    // What may be looked at belongs to whoever flies, not to the code.
+    diagram.monitors.clear();
+    diagram.pruned()
 }
 
 /// The files of a format.
