@@ -24,6 +24,7 @@ pub mod kite;
 pub mod law;
 pub mod loops;
 pub mod metrics;
+pub mod misses;
 pub mod models;
 pub mod plant;
 pub mod spec;

@@ -246,6 +246,21 @@ const COLUMNS: [[&str; 2]; 12] = [
     ["design_margin_percent", "0: on the bound, 100: comfortable; least of all requirements"],
 ];
 
+/// Whether a loop is closed at both breakpoints between which a speed lies: else
+/// its gains fade there, and what they do is no answer to its requirements.
+fn whole(table: &LawTable, channel: Channel, speed: f64) -> bool {
+    let points = table.points();
+    let slack = 1e-6;
+    let below = points.partition_point(|p| p.speed <= speed + slack).checked_sub(1);
+    let above = Some(points.partition_point(|p| p.speed < speed - slack));
+    // Beyond its ends the table is constant.
+    [below, above]
+        .iter()
+        .flatten()
+        .filter_map(|&index| points.get(index))
+        .all(|p| p.gains[channel.index()] != ChannelGains::default())
+}
+
 /// The law at one speed: with the outer loops open, and closed where there are
 /// any; and the responses of both over the grid, which every model shares.
 struct Flown {
@@ -305,8 +320,10 @@ fn one(
     let mut rows = Vec::new();
     for requirement in &spec.channels {
         let channel = requirement.channel;
-        if channel.is_outer() && !requirement.spec.applies(plant.speed) {
-            // Fading out between two breakpoints: not required here.
+        if channel.is_outer()
+            && !(requirement.spec.applies(plant.speed) && whole(table, channel, plant.speed))
+        {
+            // Outside its range, or fading out between two breakpoints: not required here.
             continue;
         }
         if point.gains[channel.index()] == ChannelGains::default() {
@@ -709,6 +726,49 @@ impl LagLaw {
             equivalent_delay_s: delay,
             largest_drb_rad_s: 0.110 / delay,
             crossover_rad_s: 0.40 / delay,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::law::LawPoint;
+    use super::super::plant::Inversion;
+    use super::super::{spec, testbed};
+    use super::*;
+    use crate::control::axis::GainSet;
+
+    /// An outer loop to 50 kt over breakpoints every 20 kt is whole to 40 kt, and
+    /// fades from there to 60 kt; one that is closed at the ends is whole beyond.
+    #[test]
+    fn a_fading_loop_is_not_whole() {
+        let points = [0.0, 20.0, 40.0, 60.0, 80.0]
+            .map(|speed| {
+                let mut gains = GainSet::default();
+                gains[Channel::Roll.index()] = ChannelGains::new(2.0, 2.2, 0.22);
+                if speed <= 40.0 {
+                    gains[Channel::Vx.index()] = ChannelGains::new(0.0, 0.1, 0.01);
+                }
+                let plant = testbed::plant(speed, &testbed::NOMINAL);
+                LawPoint { speed, gains, inversion: Inversion::new(&plant).unwrap() }
+            })
+            .to_vec();
+        let spec = spec::builtin().unwrap();
+        let table = LawTable::new(points, spec.law, spec.turn).unwrap();
+        for (speed, closed) in [
+            (-5.0, true),
+            (0.0, true),
+            (10.0, true),
+            (40.0, true),
+            (40.0 + 1e-9, true),
+            (40.1, false),
+            (50.0, false),
+            (59.9, false),
+            (60.0, false),
+            (90.0, false),
+        ] {
+            assert_eq!(whole(&table, Channel::Vx, speed), closed, "{speed}");
+            assert!(whole(&table, Channel::Roll, speed), "{speed}");
         }
     }
 }

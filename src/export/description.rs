@@ -467,6 +467,7 @@ impl Description {
             points,
         };
         schedule.law()?;
+        schedule.check().map_err(ScheduleError::Findings)?;
         Ok(schedule)
     }
 

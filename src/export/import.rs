@@ -15,6 +15,7 @@ use super::description::{self, DERIVED, Description, DescriptionError, FIXED, FO
 use crate::control::axis::Channel;
 use crate::control::law::LawTable;
 use crate::linear::mat::{self, MatError, Variable};
+use crate::problem::{LONGEST_LINE, visible};
 use crate::schedule::{self, Provenance, Schedule, ScheduleError};
 use crate::units::{Kind, parse_quantity};
 
@@ -633,12 +634,18 @@ fn complete(
     }
     let before = partial.provenance.as_ref().or(base.map(|b| &b.provenance));
     let nothing = || "0".repeat(16);
+    // The name of the file is not ours: it may hold anything.
+    let origin = visible(origin, false);
+    let earlier =
+        partial.provenance.as_ref().map_or(String::new(), |p| format!("{}; ", p.generator));
+    let generator =
+        format!("{earlier}{origin}, imported by coaxdesign {}", env!("CARGO_PKG_VERSION"));
     let provenance = Provenance {
-        generator: format!(
-            "{}{origin}, imported by coaxdesign {}",
-            partial.provenance.as_ref().map_or(String::new(), |p| format!("{}; ", p.generator)),
-            env!("CARGO_PKG_VERSION")
-        ),
+        // What came last says most, after many imports.
+        generator: generator
+            .chars()
+            .skip(generator.chars().count().saturating_sub(LONGEST_LINE))
+            .collect(),
         problem_hash: before.map_or_else(nothing, |p| p.problem_hash.clone()),
         specification_hash: before.map_or_else(nothing, |p| p.specification_hash.clone()),
     };

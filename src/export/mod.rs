@@ -221,6 +221,9 @@ pub struct Input<'a> {
 /// Why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
+    /// The schedule holds what no schedule can.
+    #[error(transparent)]
+    Schedule(#[from] crate::schedule::Findings),
     /// The schedule is no law.
     #[error(transparent)]
     Description(#[from] DescriptionError),
@@ -269,7 +272,7 @@ pub fn export(
     format: Format,
     options: &Options,
 ) -> Result<Vec<File>, ExportError> {
-    if !(options.step >= LEAST_STEP && options.step <= LARGEST_STEP) {
+    if !(LEAST_STEP..=LARGEST_STEP).contains(&options.step) {
         return Err(ExportError::Option(format!(
             "the step is {} s; it must be from {LEAST_STEP} s to {LARGEST_STEP} s",
             options.step
@@ -278,6 +281,7 @@ pub fn export(
     if !options.speed.is_finite() {
         return Err(ExportError::Option("the speed must be a number".into()));
     }
+    schedule.check()?;
 
     if identifier(&options.name).as_deref() != Some(&options.name) {
         return Err(ExportError::Option(format!(

@@ -8,6 +8,7 @@ use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::{Flown, Shooting};
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
+use crate::vehicle::census::Census;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
@@ -197,6 +198,10 @@ pub struct RotorMean {
     pub profile_power: f64,
     /// Induced power, W.
     pub induced_power: f64,
+    /// Blade loading C_T/σ; zero for a rotor without blades.
+    pub blade_loading: f64,
+    /// What the sections of its blades meet over the orbit.
+    pub census: Census,
 }
 
 /// Mean powers, W.
@@ -754,6 +759,7 @@ fn report(
             add(&mut mean.power, now.power);
             add(&mut mean.profile_power, now.profile_power);
             add(&mut mean.induced_power, now.induced_power);
+            mean.census.merge(&now.census);
             add3(&mut mean.inflow, &now.inflow);
             add3(&mut mean.self_inflow, &now.self_inflow);
             add3(&mut mean.pitch, &now.pitch);
@@ -777,6 +783,10 @@ fn report(
     for (index, (mean, rotor)) in rotors.iter_mut().zip(&vehicle.rotors).enumerate() {
         mean.thrust_coefficient = mean.thrust / rotor.force_scale();
         mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
+        let solidity = rotor.solidity();
+        if solidity > 0.0 {
+            mean.blade_loading = mean.thrust_coefficient / solidity;
+        }
         mean.force_vibration = range[index].map(|[low, high]| 0.5 * (high - low));
     }
     let values = shooting.residuals_of(&state, &period);
