@@ -187,7 +187,7 @@ impl Bode {
                 })
             })
             .collect::<Result<_, LinearError>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
         let title = format!("{}: {} at {}", problem.name, self.model.label(), speed_text(knots));
         if let Some(path) = &self.plot {
             let svg = figure(&title, &entries, &pairs).to_svg();

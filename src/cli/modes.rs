@@ -109,7 +109,7 @@ impl Modes {
         };
         let mut listings: Vec<Listing> =
             flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
         if let Some(published) = published(problem, knots)? {
             listings.push(published);
         }

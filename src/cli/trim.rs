@@ -11,8 +11,8 @@ use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
-use coaxdesign::trim::{FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
-use coaxdesign::units::{Kind, System, parse_quantity};
+use coaxdesign::trim::{Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
@@ -66,7 +66,7 @@ impl Interactions {
 /// The flight condition.
 #[derive(Debug, Clone, Args)]
 pub struct ConditionArgs {
-    /// True airspeeds: FIRST:LAST:STEP with a unit, a list, or one speed
+    /// Airspeeds, horizontal in a climb: FIRST:LAST:STEP with a unit, a list, or one speed
     #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt", allow_hyphen_values = true)]
     pub speeds: String,
     #[command(flatten)]
@@ -213,11 +213,9 @@ impl FlightArgs {
         Ok(speeds
             .into_iter()
             .map(|speed| FlightCondition {
-                // A vertical climb is flown along the flight path.
-                airspeed: speed.max(climb.abs()),
-                climb_rate: climb,
                 turn_rate,
                 lateral,
+                ..FlightCondition::climbing(speed, climb)
             })
             .collect())
     }
@@ -250,6 +248,10 @@ impl Trim {
             output::write_whole(path, figure.as_bytes(), self.output.force)?;
         }
         self.output.write(&text)?;
+        let remarks = remarks(&points);
+        if !remarks.is_empty() {
+            output::note(&remarks);
+        }
         let failures = failures(&points);
         if failures.is_empty() {
             Ok(Outcome::Done)
@@ -326,7 +328,7 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         for point in points {
             let [roll, pitch] = attitude(point);
             let mut cells = vec![
-                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
+                Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
                 Cell::from(roll.to_degrees()),
                 Cell::from(pitch.to_degrees()),
             ];
@@ -545,9 +547,9 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     object.insert(
         if us { "speed_kt" } else { "speed_m_s" }.into(),
         if us {
-            show(Kind::Airspeed, point.condition.airspeed)
+            show(Kind::Airspeed, point.condition.horizontal_speed())
         } else {
-            clean(point.condition.airspeed)
+            clean(point.condition.horizontal_speed())
         },
     );
     object.insert("interactions".into(), json!(point.interactions));
@@ -560,6 +562,17 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     }
     if let Status::BeyondLimits { controls } = &point.status {
         object.insert("beyond_limits".into(), json!(controls));
+    }
+    object.insert("branch".into(), json!(point.branch.word()));
+    if let Some(last) = point.branch.last() {
+        object.insert(
+            "last_from_level_flight".into(),
+            json!({
+                "speed_m_s": clean(last.horizontal_speed()),
+                "climb_rate_m_s": clean(last.climb_rate),
+                "turn_rate_rad_s": clean(last.turn_rate),
+            }),
+        );
     }
     object.insert("iterations".into(), json!(point.iterations));
     object.insert("residual_norm".into(), json!(point.residual_norm));
@@ -630,7 +643,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
     let mut text = head.join(",") + "\n";
     for point in sweeps.iter().flatten() {
         let [roll, pitch] = attitude(point);
-        let airspeed = point.condition.airspeed;
+        let airspeed = point.condition.horizontal_speed();
         let mut row = vec![
             number(if us { Kind::Airspeed.from_si(airspeed, system) } else { airspeed }),
             on_off(point.interactions).into(),
@@ -697,7 +710,10 @@ pub(super) fn curves(
         name: name.into(),
         style,
         marks: Marks::With,
-        speed: good.iter().map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system)).collect(),
+        speed: good
+            .iter()
+            .map(|p| Kind::Airspeed.from_si(p.condition.horizontal_speed(), system))
+            .collect(),
         pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
         roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
         controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
@@ -722,7 +738,7 @@ pub(super) fn curves(
 fn trace(point: &TrimPoint) -> String {
     let mut text = format!(
         "{:.1} kt, interactions {}: {} steps a period\n",
-        Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
+        Kind::Airspeed.from_si(point.condition.horizontal_speed(), System::Us),
         on_off(point.interactions),
         point.steps
     );
@@ -745,42 +761,93 @@ fn trace(point: &TrimPoint) -> String {
     text
 }
 
-/// What did not trim and why.
+/// A condition in a few words.
+fn place(condition: &FlightCondition, system: System) -> String {
+    let shown = |kind: Kind, value: f64, digits: usize| {
+        format!("{:.digits$} {}", kind.from_si(value, system), kind.symbol(system))
+    };
+    let mut text = shown(Kind::Airspeed, condition.horizontal_speed(), 1);
+    if condition.climb_rate != 0.0 {
+        let rate = match system {
+            System::Us => format!("{:.0} ft/min", condition.climb_rate / (FOOT / 60.0)),
+            System::Si => shown(Kind::Velocity, condition.climb_rate, 2),
+        };
+        text += &format!(", climbing {rate}");
+    }
+    if condition.turn_rate != 0.0 {
+        text += &format!(", turning {:.1} deg/s", condition.turn_rate.to_degrees());
+    }
+    text
+}
+
+/// What did not trim and why, and trims that do not continue level flight.
 pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
     let mut text = String::new();
-    for points in sweeps {
-        for (index, point) in points.iter().enumerate() {
-            let place = format!(
-                "{:.1} kt, interactions {}",
-                Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
-                on_off(point.interactions)
-            );
-            match &point.status {
-                Status::Converged => {}
-                Status::BeyondLimits { controls } => {
-                    text += &format!(
-                        "{place}: trimmed, but beyond the limits of {}\n",
-                        controls.join(", ")
-                    );
-                }
-                Status::Failed { equations, binding, reason } => {
-                    text += &format!("{place}: no trim: {reason}\n");
-                    if !equations.is_empty() {
-                        text += &format!("  equations not met: {}\n", equations.join(", "));
-                    }
-                    if !binding.is_empty() {
-                        text += &format!("  limits that bind: {}\n", binding.join(", "));
-                    }
-                    let good = points[..index].iter().rev().find(|p| p.on_orbit());
-                    text += &match good {
-                        Some(good) => format!(
-                            "  last good point: {:.1} kt\n",
-                            Kind::Airspeed.from_si(good.condition.airspeed, System::Us)
-                        ),
-                        None => "  no point before it trimmed\n".to_owned(),
-                    };
-                }
+    for point in sweeps.iter().flatten() {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        match &point.status {
+            Status::Converged => {}
+            Status::BeyondLimits { controls } => {
+                text += &format!(
+                    "{place_of}: trimmed, but beyond the limits of {}\n",
+                    controls.join(", ")
+                );
             }
+            Status::Failed { equations, binding, reason } => {
+                text += &format!("{place_of}: no trim: {reason}\n");
+                if !equations.is_empty() {
+                    text += &format!("  equations not met: {}\n", equations.join(", "));
+                }
+                if !binding.is_empty() {
+                    text += &format!("  limits that bind: {}\n", binding.join(", "));
+                }
+                text += &match point.branch.last() {
+                    Some(last) => {
+                        format!(
+                            "  the last trim on the way from level flight: {}\n",
+                            place(&last, system)
+                        )
+                    }
+                    None => String::new(),
+                };
+            }
+        }
+    }
+    text
+}
+
+/// Trims that are not what the name promises at first sight.
+pub(super) fn remarks(sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
+    let mut text = String::new();
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        match &point.branch {
+            Branch::Folded { folds } => {
+                text += &format!(
+                    "{place_of}: the way from level flight folds {folds} times before it arrives; \
+                     conditions between the folds have more than one trim\n"
+                );
+            }
+            Branch::Separate { last } => {
+                text += &format!(
+                    "{place_of}: this trim does not continue level flight{}\n",
+                    last.map_or(String::new(), |last| format!(
+                        ", which ends at {}",
+                        place(&last, system)
+                    ))
+                );
+            }
+            _ => {}
         }
     }
     text

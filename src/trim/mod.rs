@@ -12,14 +12,16 @@
 //! * [`mod@reference`]: published hover values of the CoAX 2D.
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
-//! * [`mod@sweep`]: many points, each from its neighbour.
+//! * [`path`]: which of several solutions is the trim of a condition.
+//! * [`mod@sweep`]: many points.
 
 pub mod condition;
+pub mod path;
 pub mod reference;
 pub mod shooting;
 pub mod solve;
 pub mod sweep;
 
 pub use condition::{FlightCondition, Lateral};
-pub use solve::{ConvergedTrim, Guess, Options, RotorMean, Status, TrimPoint, trim};
-pub use sweep::{Sweep, sweep};
+pub use solve::{Branch, ConvergedTrim, Guess, Options, RotorMean, Status, TrimPoint, trim};
+pub use sweep::{Sweep, sweep, trim_at};

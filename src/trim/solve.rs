@@ -45,10 +45,10 @@ impl Default for Options {
 }
 
 /// Steps a period of the solve that comes before a finer one.
-const COARSE_STEPS: usize = 24;
+pub(super) const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
 /// what the coarse step is right to.
-const COARSE_TOLERANCE: f64 = 1e-5;
+pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
 /// A Jacobian serves again after a step that cut the residuals to this part:
 /// a new one costs as much as several residuals.
 const CHORD_REDUCTION: f64 = 0.1;
@@ -60,12 +60,6 @@ const CARRIED_REDUCTION: f64 = 0.01;
 const EVEN: usize = 4;
 /// Part of the tolerance that the error of a new step is to have.
 const AIM: f64 = 0.5;
-/// The same for a neighbour, whose error may be larger: too few steps cost a
-/// second solve.
-const AIM_OF_NEIGHBOUR: f64 = 0.35;
-/// A neighbour takes fewer steps only where the error is below this part of the
-/// tolerance: a little below it can be chance.
-const NEEDLESS: f64 = 1.0 / 40.0;
 /// Most that the number of steps changes at once, either way.
 const LARGEST_CHANGE: f64 = 2.0;
 
@@ -123,6 +117,55 @@ impl Status {
             Self::Converged => "converged",
             Self::BeyondLimits { .. } => "beyond_limits",
             Self::Failed { .. } => "failed",
+        }
+    }
+}
+
+/// Which of several solutions of a condition a trim is: see
+/// [`path`](super::path).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Branch {
+    /// It continues level flight: the trim of its condition.
+    LevelFlight,
+    /// It continues level flight round this many folds.
+    Folded {
+        /// Number of folds on the way.
+        folds: usize,
+    },
+    /// No way leads from level flight to the condition, but a solution was
+    /// found from an estimate.
+    Separate {
+        /// The last condition that could be reached from level flight.
+        last: Option<FlightCondition>,
+    },
+    /// No way leads from level flight to the condition, and there is no trim.
+    Ended {
+        /// The last condition that could be reached from level flight.
+        last: Option<FlightCondition>,
+    },
+    /// The solution that a given guess leads to.
+    OfGuess,
+}
+
+impl Branch {
+    /// One word for tables and files.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::LevelFlight => "level_flight",
+            Self::Folded { .. } => "folded",
+            Self::Separate { .. } => "separate",
+            Self::Ended { .. } => "ended",
+            Self::OfGuess => "of_guess",
+        }
+    }
+
+    /// Where the way from level flight ended, if it did.
+    #[must_use]
+    pub fn last(&self) -> Option<FlightCondition> {
+        match self {
+            Self::Separate { last } | Self::Ended { last } => *last,
+            _ => None,
         }
     }
 }
@@ -262,6 +305,8 @@ pub struct TrimPoint {
     pub sideslip: f64,
     /// Room to the limits: sticks, then blade pitch of each rotor.
     pub margins: Vec<Margin>,
+    /// How the trim hangs together with level flight.
+    pub branch: Branch,
     /// Iterations, for `--trace`.
     pub history: Vec<IterationReport>,
     /// Jacobian of the scaled residuals with the scaled unknowns, about right
@@ -301,16 +346,10 @@ impl TrimPoint {
     /// The point as a guess for a neighbour.
     #[must_use]
     pub fn guess(&self) -> Guess {
-        let usual = Options::default();
-        let wanted = AIM_OF_NEIGHBOUR * usual.step_tolerance;
-        let advised = advised_steps(self.steps, self.step_error, wanted, self.method);
-        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
-        let least = if needless { usual.steps.min(self.steps) } else { self.steps };
-        let steps = advised.clamp(least, usual.most_steps.max(self.steps));
         Guess {
             state: self.state.clone(),
             sticks: self.sticks,
-            steps: Some(steps),
+            steps: Some(self.steps),
             jacobian: self.jacobian.clone(),
         }
     }
@@ -352,14 +391,15 @@ impl Guess {
     }
 }
 
-/// Trims a vehicle at a condition from a guess. The step is chosen by its
-/// error test: the solution is found again with half the step until its
-/// estimated error no longer matters. A guess is first brought near the solution
-/// with a coarse step; finer systems start from the coarser one's solution, as
-/// far as its estimated error corrects it, and with its Jacobian.
+/// Trims a vehicle at a condition from a guess: the solution that the guess
+/// leads to. [`trim_at`](super::trim_at) takes no guess and gives the trim
+/// that sweeps give.
 ///
-/// # Panics
-/// Never: the least-squares options are valid by construction.
+/// The step is chosen by its error test: the solution is found again with a
+/// shorter step until its estimated error no longer matters. A guess is first
+/// brought near the solution with a coarse step; finer systems start from the
+/// coarser one's solution, as far as its estimated error corrects it, and with
+/// its Jacobian.
 #[must_use]
 pub fn trim(
     vehicle: &Vehicle,
@@ -367,29 +407,110 @@ pub fn trim(
     guess: &Guess,
     options: &Options,
 ) -> TrimPoint {
-    let mut steps = guess.steps.unwrap_or(options.steps).max(4);
-    let mut iterations = 0;
-    let mut history = Vec::new();
-    let mut start = (guess.state.clone(), guess.sticks);
-    let mut jacobian = guess.jacobian.clone();
-    // The last coarser solution with its steps, corrected as far as it knew.
-    let mut coarser: Option<(usize, DVector<f64>)> = None;
-    let solve = |shooting: &Shooting<'_>,
-                 start: &(Vec<f64>, [f64; 4]),
-                 jacobian: Option<&DMatrix<f64>>,
-                 tolerance: f64| {
-        let solver = least_squares::Options {
-            bounds: Some(bounds(vehicle, shooting)),
-            // The tolerance is on the norm; the solver looks at the largest.
-            residual_tolerance: tolerance / (shooting.unknowns() as f64).sqrt(),
-            max_iterations: options.max_iterations,
-            chord_reduction: Some(CHORD_REDUCTION),
-            ..least_squares::Options::default()
+    let steps = guess.steps.unwrap_or(options.steps).max(4);
+    let jacobian = guess.jacobian.clone();
+    let mut start = Start { steps, jacobian, ..Start::at(guess.state.clone(), guess.sticks) };
+    if steps > COARSE_STEPS {
+        let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
+        let x = shooting.pack(&guess.state, &guess.sticks);
+        let limits = bounds(vehicle, &shooting);
+        let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
+        if let Ok(solution) =
+            solve(&shooting, &x, guess.jacobian.as_ref(), limits, tolerance, options)
+            && solution.converged()
+        {
+            start = Start { steps, ..Start::from_coarse(&shooting, &solution, options) };
+        }
+    }
+    refine(vehicle, condition, start, options)
+}
+
+/// Where the finer systems start.
+pub(super) struct Start {
+    state: Vec<f64>,
+    sticks: [f64; 4],
+    jacobian: Option<DMatrix<f64>>,
+    /// The last coarser solution with its steps, corrected as far as it knew.
+    coarser: Option<(usize, DVector<f64>)>,
+    steps: usize,
+    iterations: usize,
+    history: Vec<IterationReport>,
+}
+
+impl Start {
+    fn at(state: Vec<f64>, sticks: [f64; 4]) -> Self {
+        Self {
+            state,
+            sticks,
+            jacobian: None,
+            coarser: None,
+            steps: 0,
+            iterations: 0,
+            history: Vec::new(),
+        }
+    }
+
+    /// From the solution of a coarse system, corrected as far as its error is
+    /// known, with the steps that this error advises.
+    pub(super) fn from_coarse(
+        shooting: &Shooting<'_>,
+        solution: &least_squares::Solution,
+        options: &Options,
+    ) -> Self {
+        let flown = shooting.flown(&solution.x);
+        let shift = shooting
+            .estimated_change(&flown)
+            .and_then(|change| newton_step(shooting, solution, &change));
+        let (x, coarser) = match shift {
+            Some(shift) => {
+                let corrected = &solution.x + shift;
+                (corrected.clone(), Some((shooting.steps(), corrected)))
+            }
+            None => (solution.x.clone(), None),
         };
-        let x = shooting.pack(&start.0, &start.1);
-        let solution = least_squares::solve_with(shooting, &x, jacobian, &solver, None);
-        solution.map_err(|error| (x, error))
+        let (state, sticks) = shooting.unpack(&x);
+        Self {
+            jacobian: carried(solution),
+            coarser,
+            steps: options.steps.max(4),
+            iterations: solution.iterations,
+            history: solution.history.clone(),
+            ..Self::at(state, sticks)
+        }
+    }
+}
+
+/// A bounded solve of one system down to a norm of its residuals.
+pub(super) fn solve(
+    shooting: &Shooting<'_>,
+    x: &DVector<f64>,
+    jacobian: Option<&DMatrix<f64>>,
+    bounds: Vec<[f64; 2]>,
+    tolerance: f64,
+    options: &Options,
+) -> Result<least_squares::Solution, least_squares::OptionsError> {
+    let solver = least_squares::Options {
+        bounds: Some(bounds),
+        // The tolerance is on the norm; the solver looks at the largest.
+        residual_tolerance: tolerance / (shooting.unknowns() as f64).sqrt(),
+        max_iterations: options.max_iterations,
+        chord_reduction: Some(CHORD_REDUCTION),
+        ..least_squares::Options::default()
     };
+    least_squares::solve_with(shooting, x, jacobian, &solver, None)
+}
+
+/// Solves with shorter and shorter steps, from a start, until the error of the
+/// step no longer matters.
+pub(super) fn refine(
+    vehicle: &Vehicle,
+    condition: FlightCondition,
+    from: Start,
+    options: &Options,
+) -> TrimPoint {
+    let Start { state, sticks, mut jacobian, mut coarser, mut steps, mut iterations, mut history } =
+        from;
+    let mut start = (state, sticks);
     let refined = |steps: usize, error: f64, finer: usize| {
         tracing::debug!(
             rotorcraft = vehicle.name,
@@ -400,27 +521,6 @@ pub fn trim(
             "trim: the step is refined"
         );
     };
-    if steps > COARSE_STEPS {
-        let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
-        let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
-        if let Ok(solution) = solve(&shooting, &start, jacobian.as_ref(), tolerance)
-            && solution.converged()
-        {
-            iterations += solution.iterations;
-            history.extend(solution.history.iter().cloned());
-            let flown = shooting.flown(&solution.x);
-            if let Some(change) = shooting.estimated_change(&flown)
-                && let Some(shift) = newton_step(&shooting, &solution, &change)
-            {
-                let corrected = &solution.x + shift;
-                start = shooting.unpack(&corrected);
-                coarser = Some((COARSE_STEPS, corrected));
-            } else {
-                start = shooting.unpack(&solution.x);
-            }
-            jacobian = carried(&solution);
-        }
-    }
     loop {
         let shooting = Shooting::new(vehicle, condition, options.method, steps);
         if let Some((error, corrected)) = foreseen(&shooting, &start, &mut jacobian)
@@ -434,10 +534,12 @@ pub fn trim(
             steps = finer;
             continue;
         }
-        let solution = solve(&shooting, &start, jacobian.as_ref(), options.residual_tolerance);
-        let solution = match solution {
+        let x = shooting.pack(&start.0, &start.1);
+        let limits = bounds(vehicle, &shooting);
+        let tolerance = options.residual_tolerance;
+        let solution = match solve(&shooting, &x, jacobian.as_ref(), limits, tolerance, options) {
             Ok(solution) => solution,
-            Err((x, error)) => {
+            Err(error) => {
                 let failed = Status::Failed {
                     equations: Vec::new(),
                     binding: Vec::new(),
@@ -546,7 +648,7 @@ fn foreseen(
 }
 
 /// The Jacobian of a solve that is good enough for a similar system.
-fn carried(solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
+pub(super) fn carried(solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
     let reduction = match solution.history.as_slice() {
         [.., before, last] if !last.fresh_jacobian => last.residual_max / before.residual_max,
         _ => 0.0,
@@ -601,7 +703,7 @@ fn newton_step(
 }
 
 /// The same with a Jacobian; `None` where that is singular.
-fn newton(jacobian: &DMatrix<f64>, change: &DVector<f64>) -> Option<DVector<f64>> {
+pub(super) fn newton(jacobian: &DMatrix<f64>, change: &DVector<f64>) -> Option<DVector<f64>> {
     let shift = jacobian.clone().lu().solve(&-change)?;
     shift.iter().all(|value| value.is_finite()).then_some(shift)
 }
@@ -614,7 +716,7 @@ fn relative_size(change: &DVector<f64>, x: &DVector<f64>) -> f64 {
 
 /// Bounds of the scaled unknowns: stick limits, and attitudes short of the
 /// Euler angles' singularity.
-fn bounds(vehicle: &Vehicle, shooting: &Shooting<'_>) -> Vec<[f64; 2]> {
+pub(super) fn bounds(vehicle: &Vehicle, shooting: &Shooting<'_>) -> Vec<[f64; 2]> {
     let body = crate::vehicle::Layout::BODY;
     let count = shooting.unknowns();
     let mut bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; count];
@@ -795,6 +897,7 @@ fn report(
         power,
         sideslip,
         margins,
+        branch: Branch::OfGuess,
         history: Vec::new(),
         jacobian: None,
     }
