@@ -165,17 +165,29 @@ pub fn main() -> ExitCode {
 /// Shows on standard error what `RUST_LOG` asks for, such as `debug` or
 /// `coaxdesign::trim=debug`; nothing without it.
 fn trace() {
-    use tracing_subscriber::EnvFilter;
-    if std::env::var_os("RUST_LOG").is_none_or(|value| value.is_empty()) {
+    use tracing_subscriber::filter::Targets;
+    use tracing_subscriber::layer::SubscriberExt;
+    use tracing_subscriber::util::SubscriberInitExt;
+    let Some(asked) = std::env::var_os("RUST_LOG").filter(|value| !value.is_empty()) else {
         return;
-    }
+    };
+    let asked = asked.to_string_lossy();
+    let targets = match asked.parse::<Targets>() {
+        Ok(targets) => targets,
+        Err(error) => {
+            output::note(&format!(
+                "warning: RUST_LOG={asked:?} is ignored: {error}; write a level such as `debug`, \
+                 or `coaxdesign::trim=debug`\n"
+            ));
+            return;
+        }
+    };
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    // A second subscriber in one process is refused, and the first stays.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::from_default_env())
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
-        .with_ansi(!plain && std::io::IsTerminal::is_terminal(&std::io::stderr()))
-        .try_init();
+        .with_ansi(!plain && std::io::IsTerminal::is_terminal(&std::io::stderr()));
+    // A second subscriber in one process is refused, and the first stays.
+    let _ = tracing_subscriber::registry().with(targets).with(lines).try_init();
 }
 
 #[cfg(test)]
