@@ -74,7 +74,9 @@ fn a_point_alone_is_the_point_in_any_list() {
             for k in [2, 3, 5, 7] {
                 let alone = trim_at(&vehicle, conditions[k], &options);
                 assert_eq!(bits(&alone), bits(&listed[k]), "{name}, {shift} m, {k}");
-                assert_eq!(alone, listed[k], "{name}, {shift} m, {k}");
+                assert_eq!(alone.status, listed[k].status, "{name}, {shift} m, {k}");
+                assert_eq!(alone.branch, listed[k].branch, "{name}, {shift} m, {k}");
+                assert_eq!(alone.steps, listed[k].steps, "{name}, {shift} m, {k}");
             }
             let turned: Vec<FlightCondition> = conditions.iter().rev().copied().collect();
             let backwards = sweep(&vehicle, &turned[..3], &options, |_| {}).points;

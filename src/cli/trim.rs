@@ -14,6 +14,7 @@ use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
 use coaxdesign::trim::{Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
 use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;
+use coaxdesign::vehicle::inflow::FlowState;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
 #[derive(Debug, Args)]
@@ -248,7 +249,7 @@ impl Trim {
             output::write_whole(path, figure.as_bytes(), self.output.force)?;
         }
         self.output.write(&text)?;
-        let remarks = remarks(&points);
+        let remarks = remarks(problem, &points);
         if !remarks.is_empty() {
             output::note(&remarks);
         }
@@ -507,6 +508,7 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         put(if us { "power_hp" } else { "power_w" }.into(), {
             if us { show(Kind::Power, mean.power) } else { clean(mean.power) }
         });
+        put("flow_state".into(), json!(mean.flow.word()));
         put("c_t".into(), clean(mean.thrust_coefficient));
         put("c_p".into(), clean(mean.power_coefficient));
         for (names, values) in [
@@ -635,6 +637,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             format!("theta_0_{angle_unit}"),
             format!("theta_1c_{angle_unit}"),
             format!("theta_1s_{angle_unit}"),
+            "flow_state".into(),
         ] {
             head.push(format!("{}.{column}", rotor.name));
         }
@@ -661,6 +664,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
                 number(mean.self_inflow[0]),
             ]);
             row.extend(mean.flapping.iter().chain(&mean.pitch).map(|&v| number(angle(v))));
+            row.push(mean.flow.word().into());
         }
         row.push(number(watt(point.power.shaft)));
         row.push(number(point.residual_norm));
@@ -822,7 +826,7 @@ pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
 }
 
 /// Trims that are not what the name promises at first sight.
-pub(super) fn remarks(sweeps: &[Vec<TrimPoint>]) -> String {
+pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> String {
     let system = System::Us;
     let mut text = String::new();
     for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
@@ -831,6 +835,19 @@ pub(super) fn remarks(sweeps: &[Vec<TrimPoint>]) -> String {
             place(&point.condition, system),
             on_off(point.interactions)
         );
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let remark = match mean.flow {
+                FlowState::VortexRing => {
+                    "in the vortex-ring state: its inflow is a mean by measurement, and thrust is \
+                     unsteady in flight"
+                }
+                FlowState::TurbulentWake => {
+                    "in the turbulent-wake state of descent: its inflow is a mean by measurement"
+                }
+                FlowState::Windmill | FlowState::Normal => continue,
+            };
+            text += &format!("{place_of}: {} is {remark}\n", rotor.name);
+        }
         match &point.branch {
             Branch::Folded { folds } => {
                 text += &format!(

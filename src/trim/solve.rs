@@ -3,11 +3,12 @@
 
 use crate::numerics::integration::{KUTTA_3_8, Method};
 use crate::numerics::least_squares::{self, IterationReport, Residuals};
-use crate::problem::STICKS;
+use crate::problem::{MassFlow, STICKS};
 use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::{Flown, Shooting};
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
+use crate::vehicle::inflow::FlowState;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
@@ -223,6 +224,11 @@ pub struct RotorMean {
     pub inflow: [f64; 3],
     /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
     pub self_inflow: [f64; 3],
+    /// Velocity of the hub over the tip speed: forward, sideways and down the
+    /// shaft, own hub frame.
+    pub advance: [f64; 3],
+    /// State of the flow through the rotor.
+    pub flow: FlowState,
     /// β_1c, β_1s, rad.
     pub flapping: [f64; 2],
     /// θ_0, θ_1c, θ_1s, rad.
@@ -825,6 +831,7 @@ fn report(
             add(&mut mean.induced_power, now.induced_power);
             add3(&mut mean.inflow, &now.inflow);
             add3(&mut mean.self_inflow, &now.self_inflow);
+            add3(&mut mean.advance, &now.advance);
             add3(&mut mean.pitch, &now.pitch);
             add3(&mut mean.force_hub, &now.force_hub);
             add3(&mut mean.moment_hub, &now.moment_hub);
@@ -846,6 +853,12 @@ fn report(
     for (index, (mean, rotor)) in rotors.iter_mut().zip(&vehicle.rotors).enumerate() {
         mean.thrust_coefficient = mean.thrust / rotor.force_scale();
         mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
+        let [forward, sideways, down] = mean.advance;
+        let uniform = match vehicle.inflow.mass_flow {
+            MassFlow::SelfInduced => mean.self_inflow[0],
+            MassFlow::Total => mean.inflow[0],
+        };
+        mean.flow = FlowState::of(forward.hypot(sideways), down, uniform);
         mean.force_vibration = range[index].map(|[low, high]| 0.5 * (high - low));
     }
     let values = shooting.residuals_of(&state, &period);
