@@ -5,8 +5,8 @@ mod common;
 
 use coaxdesign::numerics::scalar::Vec3;
 use coaxdesign::problem::{
-    self, AtmosphereConditions, Fuselage as FuselageProblem, FuselageAerodynamics, HubKind,
-    Spanwise, Station, TeeterEquation, Wash, WingModel,
+    self, AtmosphereConditions, Formulation, Fuselage as FuselageProblem, FuselageAerodynamics,
+    HubKind, Spanwise, Station, TeeterEquation, Wash, WingModel,
 };
 use coaxdesign::vehicle::atmosphere::Air;
 use coaxdesign::vehicle::fuselage::Fuselage;
@@ -41,7 +41,7 @@ fn teetering(elements: usize, spring: f64, delta_3: f64) -> problem::Rotor {
 }
 
 fn built(rotor: &problem::Rotor) -> Rotor {
-    Rotor::new(rotor, &ORIGIN, &Air::at(&SEA_LEVEL)).unwrap()
+    Rotor::new(rotor, &Formulation::EXACT, &ORIGIN, &Air::at(&SEA_LEVEL)).unwrap()
 }
 
 /// A rotor that hovers and does nothing.
@@ -321,8 +321,10 @@ fn small_angle_teeter_equation_forgets_the_yaw_rate() {
     let mut description = problem("coax2d").rotors[1].clone();
     (description.cant, description.tilt) = (0.0, 0.0);
     let exact = built(&description);
-    description.teeter_equation = TeeterEquation::SmallAngles;
-    let small = built(&description);
+    let formulation =
+        Formulation { teeter_equation: TeeterEquation::SmallAngles, ..Formulation::EXACT };
+    let air = Air::at(&SEA_LEVEL);
+    let small = Rotor::new(&description, &formulation, &ORIGIN, &air).unwrap();
     let omega = exact.speed;
     let beta = 1e-3;
     for azimuth in [0.3, 1.9, 4.0] {
@@ -500,13 +502,8 @@ fn shaft_power_of_a_rigid_rotor_is_what_the_air_takes() {
         let out = rotor.loads(&input, &shaft);
         let power = rotor.blade_power(&input, &shaft);
         // Loads of the same blades without air: inertia alone.
-        let idle = Rotor::new(
-            &problem::Rotor { chord: constant(0.0), ..description.clone() },
-            &ORIGIN,
-            &Air::at(&SEA_LEVEL),
-        )
-        .unwrap()
-        .loads(&input, &shaft);
+        let idle = built(&problem::Rotor { chord: constant(0.0), ..description.clone() })
+            .loads(&input, &shaft);
         let carried: f64 =
             (0..3).map(|k| (out.force_hub.0[k] - idle.force_hub.0[k]) * velocity[k]).sum();
         let torque = (out.moment_hub.0[2] - idle.moment_hub.0[2]) * rotor.speed;

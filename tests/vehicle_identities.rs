@@ -45,11 +45,10 @@ fn variants() -> Vec<Problem> {
             p.inflow.mass_flow = MassFlow::Total;
             p.inflow.total_inflow = TotalInflow::Algebraic;
         }),
-        variant("coax2d", "small angles, harmonics by the flow through the disk", |p| {
+        variant("coax2d", "small angles", |p| {
             for rotor in &mut p.rotors {
                 rotor.airfoil = common::small_angles(6.0, 0.01);
             }
-            p.inflow.harmonics_through_flow = true;
         }),
         variant("coax2d", "hinge offsets, couplings and odd geometry", |p| {
             for (k, rotor) in p.rotors.iter_mut().enumerate() {

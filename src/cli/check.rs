@@ -8,7 +8,7 @@ use super::error::color;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{
     Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow, Problem, STICKS,
-    Spanwise, Station, TotalInflow, Wash, WingModel,
+    Spanwise, Station, TeeterEquation, TotalInflow, Wash, WingModel,
 };
 use coaxdesign::units::{Kind, System};
 use coaxdesign::vehicle::{Vehicle, summary};
@@ -137,6 +137,7 @@ fn sections(problem: &Problem, vehicle: &Vehicle) -> Vec<Section> {
         rotors(problem),
         wings(problem),
         inflow(problem),
+        formulation(problem),
         interference(problem, vehicle),
         sticks(problem),
         mixes(problem),
@@ -340,15 +341,37 @@ fn inflow(problem: &Problem) -> Section {
     };
     row("total_inflow", "total inflow", one, text(total));
     row("lowpass_bandwidth", "bandwidth of the low-pass", Kind::Frequency, bandwidth);
-    let (rule, radii, skews) = match options.interference_rule {
+    section
+}
+
+/// Published formulas in place of exact ones.
+fn formulation(problem: &Problem) -> Section {
+    let mut section = Section::new("formulation", [String::new()]);
+    let formulation = &problem.formulation;
+    let one = Kind::Dimensionless;
+    let mut row = |key, label, cell: Option<Cell>| {
+        section.rows.push(Row { key, label, kind: one, cells: vec![cell] });
+    };
+    let yes_no = |yes: bool| text(if yes { "yes" } else { "no" });
+    row("teeter_torque_tilt", "in-plane moments tilt", yes_no(formulation.teeter_torque_tilt));
+    let equation = match formulation.teeter_equation {
+        TeeterEquation::Exact => "exact",
+        TeeterEquation::SmallAngles => "small_angles",
+    };
+    row("teeter_equation", "teeter equation", text(equation));
+    let (rule, radii, skews) = match formulation.interference_rule {
         InterferenceRule::Converged => ("converged", None, None),
-        InterferenceRule::Coarse { radii } => ("coarse", Some(radii), None),
         InterferenceRule::Trapezoid { radii, skews } => ("trapezoid", Some(radii), Some(skews)),
     };
     let count = |count: Option<usize>| count.and_then(|count| number(count as f64));
-    row("interference_rule", "interference rule", one, text(rule));
-    row("interference_radii", "radii of the rule", one, count(radii));
-    row("interference_skews", "skew angles of the rule", one, count(skews));
+    row("interference_rule", "interference rule", text(rule));
+    row("interference_radii", "radii of the rule", count(radii));
+    row("interference_skews", "skew angles of the rule", count(skews));
+    row(
+        "mirrored_interference",
+        "lateral interference changes sign",
+        yes_no(formulation.mirrored_interference),
+    );
     section
 }
 

@@ -17,7 +17,7 @@ use coaxdesign::linear::linearize::{Options, linearize};
 use coaxdesign::linear::modes::{Mode, modes};
 use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, PeriodicModel, StateSpace};
-use coaxdesign::problem::Problem;
+use coaxdesign::problem::{Problem, Reference};
 use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
 use coaxdesign::report::plot::Legend;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
@@ -227,10 +227,10 @@ fn exponents(floquet: &Floquet, averaged: &StateSpace) -> Result<Vec<Row>, Linea
     Ok(rows)
 }
 
-/// The modes of the published model of the same aircraft and speed, if there
-/// is one. Its forward speed is the one that its matrices imply.
+/// The modes of the published model of the speed, if the problem names the
+/// publication and it has one. Its forward speed is the one that its matrices imply.
 fn published(problem: &Problem, knots: f64) -> Result<Option<Listing>, CliError> {
-    if !problem.name.starts_with("coax2d") {
+    if problem.reference != Some(Reference::Coax2dPaper) {
         return Ok(None);
     }
     let near = |condition: Condition| (condition.implied_speed_kt() - knots).abs() < 1.0;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
-use coaxdesign::problem::{Problem, STICKS};
+use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
@@ -385,9 +385,9 @@ pub(super) struct Published {
     pub printed: f64,
 }
 
-/// Hover beside the published values, for the aircraft they belong to.
+/// Hover beside the published values, for a problem that names the publication.
 pub(super) fn published(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> Option<Vec<Published>> {
-    if !problem.name.to_lowercase().replace([' ', '-', '_'], "").contains("coax2d") {
+    if problem.reference != Some(Reference::Coax2dPaper) {
         return None;
     }
     let mut found = Vec::new();

@@ -62,18 +62,28 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
     let wings: Vec<_> =
         root.named("wings").iter().map(|(name, table)| wing(host, name, table)).collect();
     let inflow = root.table("inflow").and_then(inflow);
+    let formulation = root.table("formulation").and_then(|table| {
+        let teeters =
+            rotor_tables.iter().any(|(_, rotor)| rotor.choice("hub") == Some("teetering"));
+        formulation(host, table, teeters)
+    });
     let rotor_names: Vec<&str> = rotor_tables.iter().map(|(name, _)| name.as_str()).collect();
     let controls =
         root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
     Some(Problem {
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
+        reference: match root.choice("reference")? {
+            "coax2d-paper" => Some(Reference::Coax2dPaper),
+            _ => None,
+        },
         mass: mass?,
         atmosphere: atmosphere?,
         fuselages: fuselages.into_iter().collect::<Option<_>>()?,
         rotors: rotors.into_iter().collect::<Option<_>>()?,
         wings: wings.into_iter().collect::<Option<_>>()?,
         inflow: inflow?,
+        formulation: formulation?,
         controls: controls?,
     })
 }
@@ -295,11 +305,6 @@ fn rotor(
         blade_first_moment: table.number("blade_first_moment")?,
         blade_second_moment: table.number("blade_second_moment")?,
         hub_kind,
-        teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
-        teeter_equation: match table.choice("teeter_equation")? {
-            "small_angles" => TeeterEquation::SmallAngles,
-            _ => TeeterEquation::Exact,
-        },
         swashplate_phase: table.number("swashplate_phase")?,
         speed: table.number("speed")?,
         azimuth_offset: table.number("azimuth_offset")?,
@@ -345,9 +350,7 @@ fn rotor_warnings(
         }
     }
     if table.choice("hub") == Some("rigid") {
-        for key in
-            ["undersling", "teeter_spring", "delta_3", "teeter_torque_tilt", "teeter_equation"]
-        {
+        for key in ["undersling", "teeter_spring", "delta_3"] {
             if table.given(key) {
                 warn(
                     key,
@@ -442,11 +445,8 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
 
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
     let bandwidth = table.number("lowpass_bandwidth");
-    let radii = table.count("interference_radii");
-    let skews = table.count("interference_skews");
     Some(InflowOptions {
         interactions: table.flag("interactions")?,
-        harmonics_through_flow: table.choice("harmonic_mass_flow")? == "through",
         mass_flow: match table.choice("mass_flow")? {
             "total" => MassFlow::Total,
             _ => MassFlow::SelfInduced,
@@ -455,13 +455,35 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             "lowpass" => TotalInflow::LowPass { bandwidth: bandwidth? },
             _ => TotalInflow::Algebraic,
         },
+        wash_core: table.number("wash_core")?,
+    })
+}
+
+/// `teeters`: whether there is a teetering rotor.
+fn formulation(host: &mut dyn Host, table: &CheckedTable, teeters: bool) -> Option<Formulation> {
+    for key in ["teeter_torque_tilt", "teeter_equation"] {
+        if table.given(key) && !teeters {
+            host.finding(
+                Severity::Warning,
+                table.place(key),
+                &table.key_path(key),
+                "has no meaning without a teetering rotor, and is ignored".into(),
+                "remove it".into(),
+            );
+        }
+    }
+    let (radii, skews) = (table.count("interference_radii"), table.count("interference_skews"));
+    Some(Formulation {
+        teeter_torque_tilt: table.flag("teeter_torque_tilt")?,
+        teeter_equation: match table.choice("teeter_equation")? {
+            "small_angles" => TeeterEquation::SmallAngles,
+            _ => TeeterEquation::Exact,
+        },
         interference_rule: match table.choice("interference_rule")? {
-            "coarse" => InterferenceRule::Coarse { radii: radii? },
             "trapezoid" => InterferenceRule::Trapezoid { radii: radii?, skews: skews? },
             _ => InterferenceRule::Converged,
         },
         mirrored_interference: table.flag("mirrored_interference")?,
-        wash_core: table.number("wash_core")?,
     })
 }
 

@@ -442,26 +442,6 @@ static ROTOR: Table = Table {
             "Pitch-flap coupling δ3: the pitch changes by β_T tan δ3. Teetering hubs only.",
         ),
         default(
-            "teeter_torque_tilt",
-            Value::Bool,
-            "true",
-            "Whether in-plane moments tilt with the teetering frame, which is exact, or act about \
-             the shaft, as in the published matrices. Teetering hubs only.",
-        ),
-        default(
-            "teeter_equation",
-            Value::Choice(&[
-                ("exact", "Euler's law for the blades as a rigid body"),
-                (
-                    "small_angles",
-                    "the published equation for small angles, in which the restoring moment does \
-                     not know of the airframe's yaw rate, as in the published matrices",
-                ),
-            ]),
-            "\"exact\"",
-            "Equation of the teeter motion. Teetering hubs only.",
-        ),
-        default(
             "swashplate_phase",
             Value::Quantity(Kind::Angle, TURN),
             "\"0 deg\"",
@@ -607,19 +587,6 @@ static INFLOW: Table = Table {
             "Which inflow carries the mass flow of momentum theory.",
         ),
         default(
-            "harmonic_mass_flow",
-            Value::Choice(&[
-                ("momentum", "that of momentum theory, V_m, twice V_T in hover"),
-                (
-                    "through",
-                    "the flow through the disk, V_T, as for uniform inflow, which some entries of \
-                     the published matrices are nearer to",
-                ),
-            ]),
-            "\"momentum\"",
-            "Mass flow in the static gain of the first harmonics of self-induced inflow.",
-        ),
-        default(
             "total_inflow",
             Value::Choice(&[
                 ("algebraic", "at once"),
@@ -635,18 +602,48 @@ static INFLOW: Table = Table {
             "Bandwidth of the low-pass. Used with `total_inflow = \"lowpass\"`.",
         ),
         default(
+            "wash_core",
+            Value::Number(above_to("0", "1")),
+            "0.05",
+            "Core radius of the wake that washes bodies and wings, as a fraction of the radius \
+             of the rotor it comes from.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static FORMULATION: Table = Table {
+    doc: "Formulas of a publication in place of exact ones, for reproducing published numbers. \
+          Leave the table out to fly an aircraft: everything is then exact.",
+    keys: &[
+        default(
+            "teeter_torque_tilt",
+            Value::Bool,
+            "true",
+            "Whether in-plane moments tilt with the teetering frame, which is exact, or act about \
+             the shaft. Teetering hubs only.",
+        ),
+        default(
+            "teeter_equation",
+            Value::Choice(&[
+                ("exact", "Euler's law for the blades as a rigid body"),
+                (
+                    "small_angles",
+                    "the published equation for small angles, in which the restoring moment does \
+                     not depend on the airframe's yaw rate",
+                ),
+            ]),
+            "\"exact\"",
+            "Equation of the teeter motion. Teetering hubs only.",
+        ),
+        default(
             "interference_rule",
             Value::Choice(&[
                 ("converged", "converged integrals"),
                 (
-                    "coarse",
-                    "a coarse rule that leaves out the rim of the disk and comes closer to the \
-                     published numbers",
-                ),
-                (
                     "trapezoid",
                     "the trapezoid rule over circles from the shaft to the rim, tabulated over \
-                     the skew of the wake, which comes closest to the published numbers",
+                     the skew of the wake",
                 ),
             ]),
             "\"converged\"",
@@ -655,9 +652,9 @@ static INFLOW: Table = Table {
         default(
             "interference_radii",
             Value::Count(4, 1000),
-            "30",
-            "Radii over the disk. Of the coarse rule: midpoints, joined by the trapezoid rule; of \
-             the trapezoid rule: from the shaft to the rim. Not used by the converged rule.",
+            "11",
+            "Circles of the trapezoid rule, the shaft and the rim among them. Used with \
+             `interference_rule = \"trapezoid\"`.",
         ),
         default(
             "interference_skews",
@@ -671,19 +668,39 @@ static INFLOW: Table = Table {
             Value::Bool,
             "true",
             "Whether the lateral gradient of interference changes sign between rotors of opposite \
-             rotation, whose frames are mirror images, which is right, or keeps it, a slip that \
-             the published matrices seem to hold.",
-        ),
-        default(
-            "wash_core",
-            Value::Number(above_to("0", "1")),
-            "0.05",
-            "Core radius of the wake that washes bodies and wings, as a fraction of the radius \
-             of the rotor it comes from.",
+             rotation, whose frames are mirror images. This is exact; `false` keeps the sign.",
         ),
     ],
     alternatives: &[],
 };
+
+/// Keys that earlier versions had elsewhere: table, key, and what to do now.
+static MOVED: [(&Table, &str, &str); 7] = [
+    (&ROTOR, "teeter_torque_tilt", TO_FORMULATION),
+    (&ROTOR, "teeter_equation", TO_FORMULATION),
+    (&INFLOW, "interference_rule", TO_FORMULATION),
+    (&INFLOW, "interference_radii", TO_FORMULATION),
+    (&INFLOW, "interference_skews", TO_FORMULATION),
+    (&INFLOW, "mirrored_interference", TO_FORMULATION),
+    (
+        &INFLOW,
+        "harmonic_mass_flow",
+        "remove `harmonic_mass_flow`: the first harmonics of inflow always have the mass flow of \
+         momentum theory",
+    ),
+];
+
+const TO_FORMULATION: &str = "move it to the table [formulation], which holds for all rotors";
+
+impl Table {
+    /// What to do with a key that earlier versions had in this table.
+    pub(crate) fn moved(&self, name: &str) -> Option<&'static str> {
+        MOVED
+            .iter()
+            .find(|(table, key, _)| std::ptr::eq(*table, self) && *key == name)
+            .map(|(_, _, advice)| *advice)
+    }
+}
 
 /// Full travel of a stick, and more: percent are nominal.
 const STICK: Bounds = from_to("-1000 %", "1000 %");
@@ -807,12 +824,31 @@ pub static ROOT: Table = Table {
         ),
         required("name", Value::Text, "Short name, for titles and file names."),
         default("description", Value::Text, "\"a rotorcraft\"", "One line for reports."),
+        default(
+            "reference",
+            Value::Choice(&[
+                ("none", "results stand alone"),
+                (
+                    "coax2d-paper",
+                    "Kreienkamp, Saetti, Özkurt and Fichter's paper on the CoAX 2D: its Table 2 \
+                     and the matrices of its appendix",
+                ),
+            ]),
+            "\"none\"",
+            "Publication whose numbers are shown beside the results.",
+        ),
         required("mass", Value::Table(&MASS), "Mass properties."),
         default("atmosphere", Value::Table(&ATMOSPHERE), "{}", "The air to fly in."),
         default("fuselages", Value::Named(&FUSELAGE, "fuselage"), "{}", "Fuselage bodies."),
         required("rotors", Value::Named(&ROTOR, "rotor"), "Rotors."),
         default("wings", Value::Named(&WING, "wing"), "{}", "Wings and tail surfaces."),
         default("inflow", Value::Table(&INFLOW), "{}", "Inflow and interference."),
+        default(
+            "formulation",
+            Value::Table(&FORMULATION),
+            "{}",
+            "Published formulas in place of exact ones.",
+        ),
         required("controls", Value::Table(&CONTROLS), "From the sticks to the blades."),
     ],
     alternatives: &[],

@@ -14,6 +14,8 @@ pub struct Problem {
     pub name: String,
     /// One-line description for reports.
     pub description: String,
+    /// Publication whose numbers are shown beside the results.
+    pub reference: Option<Reference>,
     /// Mass, centre of gravity and inertia of the whole aircraft.
     pub mass: MassProperties,
     /// Air that the aircraft flies in.
@@ -26,8 +28,20 @@ pub struct Problem {
     pub wings: Vec<Wing>,
     /// Inflow and rotor-on-rotor interference choices.
     pub inflow: InflowOptions,
+    /// Published formulas in place of exact ones.
+    pub formulation: Formulation,
     /// From the pilot's sticks to the blades.
     pub controls: Controls,
+}
+
+/// A publication that results can be compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Reference {
+    /// Kreienkamp, Saetti, Özkurt and Fichter, *Flight Dynamics and Control of a
+    /// Coaxial-Teetering Rotor Ultralight Helicopter with Rotor-on-Rotor
+    /// Interactions*.
+    Coax2dPaper,
 }
 
 /// A point in the aircraft's drawing coordinates.
@@ -243,11 +257,6 @@ pub struct Rotor {
     pub blade_second_moment: f64,
     /// How the blades are joined to the shaft.
     pub hub_kind: HubKind,
-    /// Whether in-plane moments tilt with the teetering frame (exact) or act
-    /// about the shaft (the published matrices).
-    pub teeter_torque_tilt: bool,
-    /// Equation of the teeter motion.
-    pub teeter_equation: TeeterEquation,
     /// Swashplate phase Δ_sp, rad.
     pub swashplate_phase: f64,
     /// Speed of rotation Ω, rad/s, positive.
@@ -355,14 +364,8 @@ pub enum TotalInflow {
 pub enum InterferenceRule {
     /// Converged integrals.
     Converged,
-    /// Radial midpoints joined by the trapezoid rule, which leaves out the rim
-    /// of the disk: comes closer to the published numbers.
-    Coarse {
-        /// How many.
-        radii: usize,
-    },
     /// The trapezoid rule over circles from the shaft to the rim, tabulated
-    /// over the skew of the wake: comes closest to the published numbers.
+    /// over the skew of the wake.
     Trapezoid {
         /// How many circles, the shaft and the rim among them.
         radii: usize,
@@ -378,20 +381,43 @@ pub struct InflowOptions {
     pub interactions: bool,
     /// Mass-flow rule.
     pub mass_flow: MassFlow,
-    /// Whether the static gain of the first harmonics has V_T where momentum
-    /// theory has V_m.
-    pub harmonics_through_flow: bool,
     /// Total-inflow rule.
     pub total_inflow: TotalInflow,
-    /// Quadrature rule.
-    pub interference_rule: InterferenceRule,
-    /// Whether the sine harmonics of interference change sign between rotors
-    /// of opposite rotation (right), or keep it (a slip that the published
-    /// matrices seem to hold).
-    pub mirrored_interference: bool,
     /// Core radius of the wake that washes bodies and wings, fraction of the
     /// source's radius.
     pub wash_core: f64,
+}
+
+/// Formulas of a publication in place of exact ones, for reproducing published
+/// numbers. The default is exact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Formulation {
+    /// Whether in-plane moments tilt with the teetering frame (exact) or act
+    /// about the shaft.
+    pub teeter_torque_tilt: bool,
+    /// Equation of the teeter motion.
+    pub teeter_equation: TeeterEquation,
+    /// Quadrature of the interference coefficients.
+    pub interference_rule: InterferenceRule,
+    /// Whether the sine harmonics of interference change sign between rotors
+    /// of opposite rotation (exact) or keep it.
+    pub mirrored_interference: bool,
+}
+
+impl Formulation {
+    /// Exact mechanics and converged integrals.
+    pub const EXACT: Self = Self {
+        teeter_torque_tilt: true,
+        teeter_equation: TeeterEquation::Exact,
+        interference_rule: InterferenceRule::Converged,
+        mirrored_interference: true,
+    };
+}
+
+impl Default for Formulation {
+    fn default() -> Self {
+        Self::EXACT
+    }
 }
 
 /// Blade pitch of a rotor due to one percent of each stick, rad/%.

@@ -227,7 +227,10 @@ impl Reader<'_> {
             CheckedTable { path: path.into(), place: place.clone(), entries: HashMap::new() };
         for entry in entries {
             if table.key(&entry.name).is_none() {
-                let help = nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys");
+                let help = table.moved(&entry.name).map_or_else(
+                    || nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys"),
+                    str::to_owned,
+                );
                 self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
             }
         }

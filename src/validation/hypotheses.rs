@@ -5,7 +5,7 @@
 //! says what is changed. Whoever doubts a figure runs the file:
 //!
 //! ```sh
-//! coaxdesign linearize problems/hypotheses/through-flow.toml --speed "0 kt" --reduce residualize
+//! coaxdesign linearize problems/hypotheses/changed-sign.toml --speed "0 kt" --reduce residualize
 //! ```
 
 use super::entries::{Entries, judged_entries};
@@ -60,7 +60,6 @@ pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "converged-rule",
     "exact-teeter",
     "linear-section",
-    "midpoints",
     "no-blade-drag",
     "no-i-xz",
     "no-root-cutout",
@@ -72,8 +71,6 @@ pub const HYPOTHESES: &[Hypothesis] = hypotheses![
     "printed-inertia",
     "skews-19",
     "small-angles",
-    "through-flow",
-    "through-flow-changed-sign",
     "torque-tilt",
     "total-mass-flow",
 ];
@@ -227,7 +224,6 @@ pub const STUDIES: [Study; 6] = {
             hypotheses: &[
                 "circles-9",
                 "circles-21",
-                "midpoints",
                 "converged-rule",
                 "total-mass-flow",
                 "no-root-cutout",
@@ -254,12 +250,9 @@ pub const STUDIES: [Study; 6] = {
                 "circles-9",
                 "circles-21",
                 "skews-19",
-                "midpoints",
                 "converged-rule",
                 HARMONICS,
                 BOTH_ENDS,
-                "through-flow",
-                "through-flow-changed-sign",
                 "no-root-cutout",
                 "linear-section",
                 "small-angles",
@@ -285,7 +278,6 @@ pub const STUDIES: [Study; 6] = {
                 "changed-sign",
                 "circles-21",
                 "skews-19",
-                "midpoints",
                 "converged-rule",
                 HARMONICS,
                 BOTH_ENDS,
@@ -309,7 +301,6 @@ pub const STUDIES: [Study; 6] = {
                 "no-root-cutout",
                 "changed-sign",
                 "skews-19",
-                "midpoints",
                 "converged-rule",
                 HARMONICS,
                 "total-mass-flow",

@@ -174,7 +174,7 @@ fn vehicle_identities(
         });
         let upright = problem.rotors.iter().all(|rotor| rotor.tilt == 0.0 && rotor.cant == 0.0);
         let same = problem.rotors[0].radius == problem.rotors[1].radius;
-        if upright && same && problem.inflow.interference_rule == InterferenceRule::Converged {
+        if upright && same && problem.formulation.interference_rule == InterferenceRule::Converged {
             let g = |receiver, source| {
                 vehicle
                     .interference(receiver, source)

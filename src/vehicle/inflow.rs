@@ -182,8 +182,6 @@ pub struct Wake<S> {
 /// λ_s1c, λ_s1s, λ_0), the advance ratios downstream.
 pub(super) struct WakeOf {
     pub mass_flow: MassFlow,
-    /// V_T in place of V_m in the balance of the harmonics, not in the wake.
-    pub harmonics_through_flow: bool,
 }
 
 impl Local<7, 8> for WakeOf {
@@ -228,12 +226,7 @@ impl Local<7, 8> for WakeOf {
             (balance[0] - (pc * balance[1] + ps * balance[2]) * 3.0) * inverse / (one - mu2 * 1.5);
         let gamma_c = balance[1] * inverse * 3.0 - pc * gamma_0 * 1.5;
         let gamma_s = balance[2] * inverse * 3.0 - ps * gamma_0 * 1.5;
-        let (held_c, held_s) = if self.harmonics_through_flow {
-            (gc * v_t, gs * v_t)
-        } else {
-            (balance[1], balance[2])
-        };
-        [balance[0], held_c, held_s, gamma_0, gamma_c, gamma_s, xc, xs]
+        [balance[0], balance[1], balance[2], gamma_0, gamma_c, gamma_s, xc, xs]
     }
 }
 
@@ -244,26 +237,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn wake(input: [f64; 7]) -> [f64; 8] {
-        WakeOf { mass_flow: MassFlow::SelfInduced, harmonics_through_flow: false }.evaluate(&input)
-    }
-
-    /// In hover V_m is twice V_T: with the flow through the disk half the moment
-    /// holds a gradient, and the wake stays what it was.
-    #[test]
-    fn through_flow_halves_the_balance_of_harmonics_in_hover() {
-        let input = [0.0, 0.0, 0.0, 0.036, 0.002, -0.001, 0.036];
-        let usual = wake(input);
-        let through = WakeOf { mass_flow: MassFlow::SelfInduced, harmonics_through_flow: true };
-        let through = through.evaluate(&input);
-        for k in 0..8 {
-            let factor = if k == 1 || k == 2 { 0.5 } else { 1.0 };
-            assert_relative_eq!(
-                through[k],
-                factor * usual[k],
-                max_relative = 1e-3,
-                epsilon = 1e-12
-            );
-        }
+        WakeOf { mass_flow: MassFlow::SelfInduced }.evaluate(&input)
     }
 
     /// Induced velocity of steady axial flight over that of hover, at a rate of

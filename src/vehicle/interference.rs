@@ -454,16 +454,6 @@ impl CoaxialMap {
 fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f64)> {
     match rule {
         InterferenceRule::Converged => gauss_legendre(0.0, radius, count),
-        InterferenceRule::Coarse { radii } => {
-            let step = radius / radii as f64;
-            (0..radii)
-                .map(|k| {
-                    let end = k == 0 || k == radii - 1;
-                    let weight = if end { 0.5 * step } else { step };
-                    ((k as f64 + 0.5) * step, weight * COARSE_AZIMUTHS)
-                })
-                .collect()
-        }
         InterferenceRule::Trapezoid { radii, .. } => {
             // The last is the rim to the bit: the wake's edge may lie on it.
             let steps = (radii - 1) as f64;
@@ -477,10 +467,6 @@ fn radial_rule(radius: f64, rule: InterferenceRule, count: usize) -> Vec<(f64, f
         }
     }
 }
-
-/// Share of both circles, around the rim and around the disk, that a trapezoid
-/// rule between 360 azimuth midpoints covers.
-const COARSE_AZIMUTHS: f64 = (359.0 / 360.0) * (359.0 / 360.0);
 
 /// Quadrature over a disk above the source and around its rim.
 struct AboveRule {
@@ -809,29 +795,24 @@ fn sheet_flow(p: Complex64, sin_chi: f64, cos_chi: f64, inside: bool) -> [f64; 3
 /// that cuts its plane in the unit circle moved downstream by `shift`.
 ///
 /// Converged integrals divide the radius where the disk's circles enter and
-/// leave that circle. The coarse rule does too, over the annulus between its
-/// first and its last radius.
+/// leave that circle.
 fn sheet_radii(
     shift: f64,
     radius: f64,
     rule: InterferenceRule,
     unit: &[(f64, f64)],
 ) -> Vec<(f64, f64)> {
-    let (first, last) = match rule {
-        InterferenceRule::Converged => (0.0, radius),
-        InterferenceRule::Coarse { radii } => {
-            let strip = 0.5 * radius / radii as f64;
-            (strip, radius - strip)
-        }
+    match rule {
+        InterferenceRule::Converged => {}
         InterferenceRule::Trapezoid { .. } => return radial_rule(radius, rule, 0),
-    };
-    let mut edges = vec![first];
+    }
+    let mut edges = vec![0.0];
     for edge in [(1.0 - shift).abs(), 1.0 + shift] {
-        if edge > first && edge < last {
+        if edge > 0.0 && edge < radius {
             edges.push(edge);
         }
     }
-    edges.push(last);
+    edges.push(radius);
     let mut nodes = Vec::new();
     for piece in edges.windows(2) {
         let (low, high) = (piece[0], piece[1]);
@@ -882,12 +863,8 @@ fn sheet_integrals(t: f64, depth: f64, radius: f64, rule: InterferenceRule) -> W
             }
         }
     }
-    let covered = match rule {
-        InterferenceRule::Converged | InterferenceRule::Trapezoid { .. } => 1.0,
-        InterferenceRule::Coarse { .. } => COARSE_AZIMUTHS,
-    };
     // Half the circle was covered: 1/(2π) ∫ over all = 1/π ∫ over half.
-    finish(sum.map(|v| covered * v / (PI * radius * radius)))
+    finish(sum.map(|v| v / (PI * radius * radius)))
 }
 
 #[cfg(test)]
@@ -904,7 +881,6 @@ mod tests {
     const H: f64 = 2.14 / 10.66;
     use InterferenceRule::Converged;
 
-    const COARSE: InterferenceRule = InterferenceRule::Coarse { radii: 30 };
     const CIRCLES: InterferenceRule = InterferenceRule::Trapezoid { radii: 11, skews: 10 };
 
     fn map(height: f64, rule: InterferenceRule) -> CoaxialMap {
@@ -995,14 +971,6 @@ mod tests {
         // on upper) and 1.3443 (upper on lower).
         assert!((uniform(H, Converged) - 0.6557).abs() < 5e-5);
         assert!((uniform(-H, Converged) - 1.3443).abs() < 5e-5);
-        // Leaving out the hub and rim strips: an independent 30 by 360 by 360
-        // rule, whose azimuths cover 359/360 of the circle twice, gave 0.6385
-        // and 1.2843.
-        assert!((uniform(H, COARSE) - 0.6385).abs() < 1e-4);
-        assert!((uniform(-H, COARSE) - 1.2843).abs() < 1e-3);
-        let covered = (59.0f64 / 60.0).powi(2) - (1.0f64 / 60.0).powi(2);
-        let sum = uniform(H, COARSE) + uniform(-H, COARSE);
-        assert!((sum - 2.0 * covered * COARSE_AZIMUTHS).abs() < 1e-12);
     }
 
     /// Circles a step d apart, the one at the rim half in the wake: twice the
@@ -1066,7 +1034,7 @@ mod tests {
 
     #[test]
     fn above_the_source_skew_enters_through_powers_of_its_half_angle() {
-        for rule in [Converged, COARSE, CIRCLES] {
+        for rule in [Converged, CIRCLES] {
             let above = AboveRule::new(H, 1.0, rule);
             let one = above.functions(0.5);
             for t in [0.05, 0.3, 0.8, 1.0] {

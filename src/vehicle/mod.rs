@@ -24,7 +24,7 @@ pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
-use crate::problem::{Controls, InflowOptions, MassFlow, Problem, TotalInflow};
+use crate::problem::{Controls, Formulation, InflowOptions, MassFlow, Problem, TotalInflow};
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
 use frames::{Matrix3, position_body};
@@ -120,6 +120,7 @@ pub struct Vehicle {
     pub controls: Controls,
     /// Inflow choices.
     pub inflow: InflowOptions,
+    formulation: Formulation,
     /// Names and places of states and effectors.
     pub layout: Layout,
     /// Speed of the slowest rotor, rad/s: the reference azimuth turns with it.
@@ -179,7 +180,7 @@ impl Vehicle {
         let rotors: Vec<Rotor> = problem
             .rotors
             .iter()
-            .map(|rotor| Rotor::new(rotor, cg, &air))
+            .map(|rotor| Rotor::new(rotor, &problem.formulation, cg, &air))
             .collect::<Result<_, _>>()?;
         let wings: Vec<Wing> =
             problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
@@ -200,6 +201,7 @@ impl Vehicle {
             fuselages,
             controls: problem.controls.clone(),
             inflow: problem.inflow,
+            formulation: problem.formulation,
             layout,
             reference_speed,
             period,
@@ -251,13 +253,13 @@ impl Vehicle {
                     offset: unmirrored(source, &receiver.position_body).into(),
                     receiver_axes: axes_in(source, receiver),
                     source_mirrored: source.frame.handedness < 0.0,
-                    receiver_mirrored: if self.inflow.mirrored_interference {
+                    receiver_mirrored: if self.formulation.mirrored_interference {
                         receiver.frame.handedness < 0.0
                     } else {
                         source.frame.handedness < 0.0
                     },
                 };
-                Interference::new(&geometry, self.inflow.interference_rule).map(Some).map_err(
+                Interference::new(&geometry, self.formulation.interference_rule).map(Some).map_err(
                     |error| VehicleError::Interference {
                         source_rotor: source.name.clone(),
                         receiver: receiver.name.clone(),
@@ -615,10 +617,7 @@ impl Vehicle {
                 let scale = 1.0 / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
-                    &WakeOf {
-                        mass_flow: self.inflow.mass_flow,
-                        harmonics_through_flow: self.inflow.harmonics_through_flow,
-                    },
+                    &WakeOf { mass_flow: self.inflow.mass_flow },
                     &[
                         vx * scale,
                         vy * -scale,

@@ -22,12 +22,12 @@
 //! inertia tensor is diagonal in T. Newton's and Euler's laws for it replace
 //! the printed expansions (Eqs. 22–23, 44, 47), which neglect some terms and
 //! misprint others, and hold exactly. The blade mass itself, as a point at the
-//! hub, belongs to the airframe (see `MassProperties`). Two switches put single
-//! inexact relations of the paper in their place, for comparison with print:
-//! `teeter_torque_tilt` and `teeter_equation`.
+//! hub, belongs to the airframe (see `MassProperties`). A
+//! [`Formulation`] can put single inexact relations of a publication in their
+//! place: `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, HubKind, Spanwise, TeeterEquation};
+use crate::problem::{self, Formulation, HubKind, Spanwise, TeeterEquation};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -219,6 +219,7 @@ impl Rotor {
     /// An airfoil table that cannot be interpolated.
     pub fn new(
         rotor: &problem::Rotor,
+        formulation: &Formulation,
         center_of_gravity: &problem::Station,
         air: &Air,
     ) -> Result<Self, VehicleError> {
@@ -272,8 +273,8 @@ impl Rotor {
             azimuth_offset: rotor.azimuth_offset,
             governor_time_constant: rotor.governor.map(|g| g.time_constant),
             teetering,
-            teeter_torque_tilt: rotor.teeter_torque_tilt,
-            teeter_equation: rotor.teeter_equation,
+            teeter_torque_tilt: formulation.teeter_torque_tilt,
+            teeter_equation: formulation.teeter_equation,
             undersling,
             spring,
             tan_delta_3: delta_3.tan(),

@@ -22,7 +22,7 @@ use coaxdesign::linear::model::{index_of, shown_per_si};
 use coaxdesign::linear::modes::{Mode, modes as modes_of};
 use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, StateSpace};
-use coaxdesign::problem::{FuselageAerodynamics, Problem, Station, Wing};
+use coaxdesign::problem::{FuselageAerodynamics, Problem, Reference, Station, Wing};
 use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, EigenvalueSet, FrequencyResponse, Marks, bode_figure,
     interference_figure, orbit_figure,
@@ -603,7 +603,7 @@ pub(super) fn modes(inputs: &Inputs, study: &Study) -> Result<Section, CliError>
     for Linear { interactions: on, reduced, .. } in &study.hover {
         add(&interactions(*on), style_of(*on), reduced)?;
     }
-    if inputs.loaded.problem.name.starts_with("coax2d") {
+    if inputs.loaded.problem.reference == Some(Reference::Coax2dPaper) {
         add("paper's appendix, interactions on", PUBLISHED, &appendix(Condition::Hover)?)?;
     }
     let section = Section::new("Modes in hover");
