@@ -6,8 +6,9 @@ mod common;
 
 use coaxdesign::problem::{self, Problem};
 use coaxdesign::trim::{
-    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep, trim_at,
+    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep, trim_at, trim_at_power,
 };
+use coaxdesign::vehicle::inflow::FlowState;
 use coaxdesign::vehicle::{Layout, Vehicle};
 use common::{KNOT, coarsened, problem, vehicle};
 use std::path::Path;
@@ -165,4 +166,82 @@ fn step_tolerance_counts_in_sweeps() {
     for (coarse, usual) in coarse.iter().zip(&usual) {
         assert!(3 * coarse < 2 * usual, "{coarse} {usual}");
     }
+}
+
+// --- Descent and power -----------------------------------------------------------
+
+/// A light helicopter flies down a fall line without power: its rate of descent
+/// is least at some medium speed, near that of its smallest power over its
+/// weight, and in the vertical it is that of a flat disk: the drag coefficient
+/// of an autorotating rotor is 1.1 to 1.35 on its disk, W. Castles and R. B.
+/// Gray (NACA TN 2474), J. G. Leishman.
+#[test]
+fn val_autorotation_of_a_helicopter() {
+    let problem = from_file("examples/light-helicopter.toml");
+    let vehicle = vehicle(&coarsened(problem));
+    let options = Options::default();
+    let at = |knots: f64| {
+        let level = FlightCondition::level(knots * KNOT);
+        let point = trim_at_power(&vehicle, level, 0.0, &options);
+        assert!(point.on_orbit(), "{knots} kt: {:?}", point.status);
+        assert!(point.power.shaft.abs() < 20.0, "{}", point.power.shaft);
+        let needed = trim_at(&vehicle, level, &options).power.shaft;
+        let weight = vehicle.mass * 9.806_65;
+        println!(
+            "{knots} kt: {:.2} m/s, P/W {:.2} m/s, {:?}",
+            point.condition.climb_rate,
+            needed / weight,
+            point.rotors[0].flow
+        );
+        (point.condition.climb_rate, needed / weight, point)
+    };
+    let (vertical, _, hover) = at(0.0);
+    let main = &vehicle.rotors[0];
+    let area = std::f64::consts::PI * main.radius * main.radius;
+    let disk = vehicle.mass * 9.806_65 / (0.5 * vehicle.air.density * vertical * vertical * area);
+    assert!((1.0..1.5).contains(&disk), "drag coefficient of the disk {disk}");
+    assert!(matches!(hover.rotors[0].flow, FlowState::TurbulentWake | FlowState::Windmill));
+    let (slow, _, _) = at(25.0);
+    let (medium, power_over_weight, _) = at(50.0);
+    let (fast, _, _) = at(80.0);
+    assert!(vertical < slow && slow < medium && fast < medium, "{vertical} {slow} {medium} {fast}");
+    // Energy: height pays for what level flight needs.
+    assert!((-medium / power_over_weight - 1.0).abs() < 0.15, "{medium} {power_over_weight}");
+}
+
+/// Power asked for is power flown, in climb too.
+#[test]
+fn power_asked_for_is_flown() {
+    let vehicle = vehicle(&coarsened(problem("coax2d-physics")));
+    let options = Options::default();
+    let level = FlightCondition::level(40.0 * KNOT);
+    let needed = trim_at(&vehicle, level, &options).power.shaft;
+    let point = trim_at_power(&vehicle, level, 1.3 * needed, &options);
+    assert_eq!(point.status, Status::Converged);
+    assert!((point.power.shaft / (1.3 * needed) - 1.0).abs() < 1e-6);
+    let again = trim_at(&vehicle, point.condition, &options);
+    assert_eq!(bits(&point), bits(&again));
+    assert!(point.condition.climb_rate > 0.0);
+    let impossible = trim_at_power(&vehicle, level, 1e9, &options);
+    let Status::Failed { reason, .. } = &impossible.status else { panic!() };
+    assert!(reason.contains("no rate of climb was found"), "{reason}");
+}
+
+/// Straight down, the power falls with the descent as the measurements say: the
+/// rotor passes the vortex-ring state, and its collective in autorotation is
+/// below that of hover.
+#[test]
+fn descents_are_flagged() {
+    let vehicle = vehicle(&coarsened(from_file("examples/light-helicopter.toml")));
+    let options = Options::default();
+    let down = |feet: f64| {
+        let condition = FlightCondition::climbing(0.0, -feet * FOOT_PER_MINUTE);
+        let point = trim_at(&vehicle, condition, &options);
+        assert!(point.on_orbit(), "{feet}: {:?}", point.status);
+        point
+    };
+    let states = [0.0, 1500.0, 3600.0].map(|feet| down(feet).rotors[0].flow);
+    assert_eq!(states[0], FlowState::Normal);
+    assert!(matches!(states[1], FlowState::VortexRing | FlowState::TurbulentWake), "{states:?}");
+    assert_eq!(states[2], FlowState::Windmill);
 }

@@ -11,7 +11,9 @@ use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
-use coaxdesign::trim::{Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep};
+use coaxdesign::trim::{
+    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep, trim_at_power,
+};
 use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;
 use coaxdesign::vehicle::inflow::FlowState;
@@ -23,6 +25,9 @@ pub struct Trim {
     problem: ProblemArgs,
     #[command(flatten)]
     pub(super) condition: ConditionArgs,
+    /// Total shaft power, such as "0 hp" for autorotation: the rate of climb follows
+    #[arg(long, value_name = "POWER", conflicts_with = "climb", allow_hyphen_values = true)]
+    power: Option<String>,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "both")]
     interactions: Interactions,
@@ -232,7 +237,13 @@ impl Trim {
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let conditions = self.condition.conditions(&mut loaded.problem)?;
         let problem = &loaded.problem;
-        let points = trim_all(problem, &conditions, self.interactions.positions(), self.run.quiet)?;
+        let power =
+            self.power.as_deref().map(|text| quantity("power", text, Kind::Power)).transpose()?;
+        let positions = self.interactions.positions();
+        let points = match power {
+            None => trim_all(problem, &conditions, positions, self.run.quiet)?,
+            Some(power) => trim_all_at_power(problem, &conditions, power, positions)?,
+        };
         if self.trace {
             for point in points.iter().flatten() {
                 output::note(&trace(point));
@@ -286,6 +297,28 @@ pub(super) fn trim_all(
     swept.into_iter().collect()
 }
 
+/// Trims a problem at every condition, the rates of climb from the power.
+fn trim_all_at_power(
+    problem: &Problem,
+    conditions: &[FlightCondition],
+    power: f64,
+    positions: &[bool],
+) -> Result<Vec<Vec<TrimPoint>>, CliError> {
+    use rayon::prelude::*;
+    positions
+        .iter()
+        .map(|&on| {
+            let mut problem = problem.clone();
+            problem.inflow.interactions = on;
+            let vehicle = Vehicle::new(&problem)?;
+            Ok(conditions
+                .par_iter()
+                .map(|&condition| trim_at_power(&vehicle, condition, power, &Options::default()))
+                .collect())
+        })
+        .collect()
+}
+
 /// The interactions in a word.
 pub(super) fn on_off(on: bool) -> &'static str {
     if on { "on" } else { "off" }
@@ -295,11 +328,19 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
     let mut text = format!("{}: periodic trim\n", problem.name);
     for points in sweeps {
         let Some(first) = points.first() else { continue };
-        let mut columns = vec![
-            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+        let climbs = points.iter().any(|point| point.condition.climb_rate != 0.0);
+        let mut columns =
+            vec![Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1))];
+        if climbs {
+            columns.push(match system {
+                System::Us => Column::number("climb", "ft/min", Digits::Decimals(0)),
+                System::Si => Column::number("climb", "m/s", Digits::Decimals(2)),
+            });
+        }
+        columns.extend([
             Column::number("roll", "deg", Digits::Decimals(2)),
             Column::number("pitch", "deg", Digits::Decimals(2)),
-        ];
+        ]);
         for stick in STICKS {
             columns.push(Column::number(stick, "%", Digits::Decimals(2)));
         }
@@ -328,11 +369,17 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         );
         for point in points {
             let [roll, pitch] = attitude(point);
-            let mut cells = vec![
-                Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
-                Cell::from(roll.to_degrees()),
-                Cell::from(pitch.to_degrees()),
-            ];
+            let mut cells = vec![Cell::from(
+                Kind::Airspeed.from_si(point.condition.horizontal_speed(), system),
+            )];
+            if climbs {
+                let rate = point.condition.climb_rate;
+                cells.push(Cell::from(match system {
+                    System::Us => rate / (FOOT / 60.0),
+                    System::Si => rate,
+                }));
+            }
+            cells.extend([Cell::from(roll.to_degrees()), Cell::from(pitch.to_degrees())]);
             cells.extend(point.sticks.iter().map(|&stick| Cell::from(stick)));
             for rotor in &point.rotors {
                 cells.push(Cell::from(Kind::Force.from_si(rotor.thrust, system)));

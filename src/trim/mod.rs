@@ -13,15 +13,18 @@
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
 //! * [`path`]: which of several solutions is the trim of a condition.
+//! * [`power`]: the rate of climb from the power.
 //! * [`mod@sweep`]: many points.
 
 pub mod condition;
 pub mod path;
+pub mod power;
 pub mod reference;
 pub mod shooting;
 pub mod solve;
 pub mod sweep;
 
 pub use condition::{FlightCondition, Lateral};
+pub use power::trim_at_power;
 pub use solve::{Branch, ConvergedTrim, Guess, Options, RotorMean, Status, TrimPoint, trim};
 pub use sweep::{Sweep, sweep, trim_at};

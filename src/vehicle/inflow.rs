@@ -328,7 +328,7 @@ mod tests {
     /// The correction's tangents are its derivatives.
     #[test]
     fn descent_tangents_are_derivatives() {
-        let of = WakeOf { mass_flow: MassFlow::SelfInduced, harmonics_through_flow: false };
+        let of = WakeOf { mass_flow: MassFlow::SelfInduced };
         for (mu, mz) in [(0.004, 0.012), (0.01, 0.03), (0.0, 0.055)] {
             let at = [mu, 0.3 * mu, mz, 0.03, 0.003, -0.002, 0.03];
             let mut dual = [Dual::<7>::default(); 7];
