@@ -14,6 +14,7 @@
 //! * [`solve`]: one trim point, from a guess, with its report.
 //! * [`path`]: which of several solutions is the trim of a condition.
 //! * [`power`]: the rate of climb from the power.
+//! * [`stand`]: a rotor alone, on a hub that does not move.
 //! * [`mod@sweep`]: many points.
 
 pub mod condition;
@@ -22,6 +23,7 @@ pub mod power;
 pub mod reference;
 pub mod shooting;
 pub mod solve;
+pub mod stand;
 pub mod sweep;
 
 pub use condition::{FlightCondition, Lateral};

@@ -946,7 +946,7 @@ fn margins(vehicle: &Vehicle, sticks: &[f64; 4], rotors: &[RotorMean]) -> Vec<Ma
 impl crate::vehicle::rotor::Rotor {
     /// Collective at the root, rad, for a thrust coefficient and an inflow:
     /// blade-element theory with a lift slope of 2π less losses.
-    fn collective_estimate(&self, c_t: f64, lambda: f64) -> f64 {
+    pub(super) fn collective_estimate(&self, c_t: f64, lambda: f64) -> f64 {
         const LIFT_SLOPE: f64 = 5.73;
         6.0 * c_t / (self.solidity() * LIFT_SLOPE) + 1.5 * lambda - self.twist_at(0.75)
     }
