@@ -10,9 +10,9 @@ use coaxdesign::linear::io::{ModelRecord, to_json, to_mat};
 use coaxdesign::linear::reduction::{
     BalancedOptions, Method, balanced, hankel_singular_values, residualise,
 };
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::structure::zeros;
 use coaxdesign::linear::{Channel, LinearError, StateSpace};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{KNOT, Kind, System};
 use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};
@@ -23,6 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             speed: 0.0,
             interactions: Some(true),
             model: appendix(Condition::Hover)?,
+            trim: None,
         };
         std::fs::write(path, to_mat(&record, System::Us))?;
     }
@@ -50,7 +51,7 @@ fn case(
     speed: f64,
     keep: &[&str],
 ) -> Result<Value, Box<dyn std::error::Error>> {
-    let record = ModelRecord { speed, interactions: Some(true), model: model.clone() };
+    let record = ModelRecord { speed, interactions: Some(true), model: model.clone(), trim: None };
     let omega = log_grid(0.05, 50.0, 60)?;
     let response = frequency_response(model, &omega)?;
     let reduced = residualise(model, keep)?.model;

@@ -4,15 +4,19 @@
 //!
 //! * [`units`]: the only conversion constants, and quantities with units.
 //! * [`numerics`]: interpolation, quadrature, derivatives, least squares, conic programs.
+//! * [`law`]: the control law as a block diagram in data, from which it is stepped, linearised and written.
 //! * [`problem`]: a TOML file becomes checked data, every error of it reported at once.
 //! * [`vehicle`]: the time-periodic dynamics `xdot = f(azimuth, x, u)`.
 //! * [`trim`]: the periodic orbit of a flight condition.
 //! * [`linear`]: linear time-periodic and time-invariant models along that orbit.
+//! * [`lti`]: linear models from elsewhere, and one stitched model of them.
 //! * [`control`]: the control law, its specifications and metrics, and its tuning.
 //! * [`schedule`]: the gain schedule as a file.
 //! * [`simulate`]: flight in time of the full nonlinear vehicle under the law.
 //! * [`export`]: the schedule in the forms of other programs, and back.
 //! * [`validation`]: identities that must hold whatever the numbers, and the paper's numbers.
+//! * [`pipeline`]: all stages, one after the other, as the program runs them.
+//! * [`studies`]: publications beside our results.
 //! * [`report`]: tables and plots of what the stages found.
 //!
 //! # From a file to a flight
@@ -51,15 +55,13 @@
 //! and verification looks at that law by other means.
 //!
 //! ```no_run
-//! use coaxdesign::control::{design::design, models::build, spec, verify::verify};
+//! use coaxdesign::pipeline::{Requirements, Silent, TuneOptions, tune};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let problem = coaxdesign::problem::builtin()?.problem;
-//! let spec = spec::builtin()?;
-//! let plants = build(&problem, &spec.models, &spec.speeds, &|| {})?.set;
-//! let law = design(&spec, &plants, &[], &[])?.table;
-//! let verification = verify(&law, &plants, &spec.hardware, &spec)?;
-//! println!("met: {}", verification.passed);
+//! let aircraft = coaxdesign::problem::builtin()?;
+//! let tuned = tune(&aircraft, &Requirements::builtin()?, &TuneOptions::default(), &Silent)?;
+//! std::fs::write("schedule.json", tuned.schedule.to_json()?)?; // as `coaxdesign tune-gains`
+//! println!("met: {}", tuned.verified.met());
 //! # Ok(())
 //! # }
 //! ```
@@ -155,12 +157,16 @@
 
 pub mod control;
 pub mod export;
+pub mod law;
 pub mod linear;
+pub mod lti;
 pub mod numerics;
+pub mod pipeline;
 pub mod problem;
 pub mod report;
 pub mod schedule;
 pub mod simulate;
+pub mod studies;
 pub mod trim;
 pub mod units;
 pub mod validation;

@@ -114,6 +114,14 @@ pub enum Kind {
     AnglePerPercent,
     /// N m/rad; lbf ft/rad or N m/rad.
     AngularStiffness,
+    /// N m s/rad; lbf ft s/rad or N m s/rad.
+    AngularDamping,
+    /// rad/s/%; rad/s/%.
+    AngularRatePerPercent,
+    /// N s²/rad²; lbf s²/rad² or N s²/rad².
+    ThrustFactor,
+    /// N s²/(m rad); lbf s²/(ft rad) or N s²/(m rad).
+    DragFactor,
     /// 1/rad; 1/rad.
     PerAngle,
 }
@@ -156,7 +164,7 @@ const fn scaled(symbol: &'static str, factor: f64) -> Display {
 
 impl Kind {
     /// Every kind, for tests and documentation.
-    pub const ALL: [Kind; 29] = [
+    pub const ALL: [Kind; 33] = [
         Kind::Dimensionless,
         Kind::Length,
         Kind::Velocity,
@@ -185,6 +193,10 @@ impl Kind {
         Kind::Percent,
         Kind::AnglePerPercent,
         Kind::AngularStiffness,
+        Kind::AngularDamping,
+        Kind::AngularRatePerPercent,
+        Kind::ThrustFactor,
+        Kind::DragFactor,
         Kind::PerAngle,
     ];
 
@@ -235,6 +247,13 @@ impl Kind {
             (Kind::AnglePerPercent, _) => scaled("deg/%", DEGREE),
             (Kind::AngularStiffness, Us) => scaled("lbf ft/rad", POUND_FORCE * FOOT),
             (Kind::AngularStiffness, Si) => scaled("N m/rad", 1.0),
+            (Kind::AngularDamping, Us) => scaled("lbf ft s/rad", POUND_FORCE * FOOT),
+            (Kind::AngularDamping, Si) => scaled("N m s/rad", 1.0),
+            (Kind::AngularRatePerPercent, _) => scaled("rad/s/%", 1.0),
+            (Kind::ThrustFactor, Us) => scaled("lbf s^2/rad^2", POUND_FORCE),
+            (Kind::ThrustFactor, Si) => scaled("N s^2/rad^2", 1.0),
+            (Kind::DragFactor, Us) => scaled("lbf s^2/ft/rad", POUND_FORCE / FOOT),
+            (Kind::DragFactor, Si) => scaled("N s^2/m/rad", 1.0),
             (Kind::PerAngle, _) => scaled("1/rad", 1.0),
         }
     }
@@ -301,6 +320,10 @@ impl Kind {
             Kind::Percent => "a percentage of stick travel",
             Kind::AnglePerPercent => "an angle per stick travel",
             Kind::AngularStiffness => "an angular stiffness",
+            Kind::AngularDamping => "an angular damping",
+            Kind::AngularRatePerPercent => "an angular rate per stick travel",
+            Kind::ThrustFactor => "a force per square of an angular rate",
+            Kind::DragFactor => "a force per angular rate and velocity",
             Kind::PerAngle => "a slope per angle",
         }
     }
@@ -335,6 +358,10 @@ impl Kind {
             Kind::Percent => &["%"],
             Kind::AnglePerPercent => &["deg/100%", "rad/100%", "deg/%"],
             Kind::AngularStiffness => &["lbf ft/rad", "N m/rad", "N m/deg"],
+            Kind::AngularDamping => &["lbf ft s/rad", "N m s/rad"],
+            Kind::AngularRatePerPercent => &["rad/s/100%", "rpm/100%"],
+            Kind::ThrustFactor => &["N s^2/rad^2", "lbf s^2/rad^2"],
+            Kind::DragFactor => &["N s^2/m/rad", "lbf s^2/ft/rad"],
             Kind::PerAngle => &["1/rad", "1/deg"],
         }
     }
@@ -364,6 +391,19 @@ impl Kind {
             Kind::Percent => Dimension::PERCENT,
             Kind::AnglePerPercent => Dimension::ANGLE.times(Dimension::PERCENT, -1),
             Kind::AngularStiffness => Dimension::ENERGY.times(Dimension::ANGLE, -1),
+            Kind::AngularDamping => {
+                Dimension::ENERGY.times(Dimension::TIME, 1).times(Dimension::ANGLE, -1)
+            }
+            Kind::AngularRatePerPercent => {
+                Dimension::ANGLE.times(Dimension::TIME, -1).times(Dimension::PERCENT, -1)
+            }
+            Kind::ThrustFactor => {
+                Dimension::FORCE.times(Dimension::TIME, 2).times(Dimension::ANGLE, -2)
+            }
+            Kind::DragFactor => Dimension::FORCE
+                .times(Dimension::TIME, 2)
+                .times(Dimension::LENGTH, -1)
+                .times(Dimension::ANGLE, -1),
             Kind::PerAngle => none.times(Dimension::ANGLE, -1),
         }
     }

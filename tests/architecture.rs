@@ -9,24 +9,33 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the top of the street to its end. Those that do not exist yet
 /// keep their place.
-const STREET: [&str; 12] = [
+const STREET: [&str; 16] = [
     "units",
     "numerics",
+    "law",
     "problem",
     "vehicle",
     "trim",
     "linear",
+    "lti",
     "control",
     "schedule",
     "simulate",
     "export",
     "validation",
+    "pipeline",
+    "studies",
     "report",
 ];
 
 /// What a module may use of those above it, where that is less than all.
-const NARROWER: [(&str, &[&str]); 4] =
-    [("units", &[]), ("numerics", &[]), ("problem", &["units"]), ("report", &["units"])];
+const NARROWER: [(&str, &[&str]); 5] = [
+    ("units", &[]),
+    ("numerics", &[]),
+    ("law", &["units"]),
+    ("problem", &["units"]),
+    ("report", &["units"]),
+];
 
 /// Words that have no place in the code of `numerics`.
 const AIRCRAFT_WORDS: [&str; 9] = [

@@ -36,9 +36,13 @@ fn linearize_writes_the_reduced_model_in_the_units_of_the_paper() {
     let other = from_json(out(&si)).unwrap();
     assert!((record.model.a() - other.model.a()).amax() < 1e-12 * other.model.a().amax());
     assert_eq!(run("--format json --threads 1").stdout, json.stdout);
-    // Every entry of the four matrices, and a head.
+    // Every entry of the four matrices and of the trim, and a head.
     let csv = run("--format csv");
-    assert_eq!(out(&csv).lines().count(), 1 + 8 * 8 + 8 * 4 + 15 * 8 + 15 * 4);
+    assert_eq!(out(&csv).lines().count(), 1 + 8 * 8 + 8 * 4 + 15 * 8 + 15 * 4 + 8 + 4);
+    // The trim is that of the hover: level speed nil, collective where it lifts.
+    let trim = record.trim.unwrap();
+    assert!(trim.states[0].hypot(trim.states[1]).hypot(trim.states[2]) < 1e-6);
+    assert!((10.0..90.0).contains(&trim.inputs[2]), "{trim:?}");
 }
 
 #[test]

@@ -10,9 +10,9 @@ use coaxdesign::linear::model::PeriodicSample;
 use coaxdesign::linear::reduction::{
     BalancedOptions, Method, balance_model, balanced, outputs_as_states, residualise, truncate,
 };
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::structure::{controllability, relative_gain_array, zeros};
 use coaxdesign::linear::{Channel, LinearError, PeriodicModel, StateSpace};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::Kind;
 use nalgebra::{Complex, DMatrix};
 use std::f64::consts::{PI, TAU};

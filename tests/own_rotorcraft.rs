@@ -1,20 +1,28 @@
 //! A rotorcraft that is not the CoAX 2D: the conventional helicopter of
 //! `examples/`.
 
-use coaxdesign::problem::{self, Problem};
+mod common;
+
+use coaxdesign::linear::linearize::linearize;
+use coaxdesign::problem::{self, AzimuthModel, HubKind, Problem};
 use coaxdesign::trim::{FlightCondition, Options, TrimPoint, sweep};
 use coaxdesign::units::{FOOT, KNOT, STANDARD_GRAVITY};
 use coaxdesign::vehicle::{Layout, Vehicle};
 
-fn flown() -> (Problem, Vec<TrimPoint>) {
+fn light_helicopter() -> Problem {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/light-helicopter.toml");
     let loaded = problem::load(path).unwrap_or_else(|report| panic!("{report}"));
     assert!(loaded.warnings.is_empty());
-    let vehicle = Vehicle::new(&loaded.problem).unwrap();
+    loaded.problem
+}
+
+fn flown() -> (Problem, Vec<TrimPoint>) {
+    let problem = light_helicopter();
+    let vehicle = Vehicle::new(&problem).unwrap();
     let conditions = [0.0, 60.0].map(|knots| FlightCondition::level(knots * KNOT));
     let points = sweep(&vehicle, &conditions, &Options::default(), |_| {}).points;
     assert!(points.iter().all(TrimPoint::on_orbit));
-    (loaded.problem, points)
+    (problem, points)
 }
 
 /// What a conventional helicopter does, from the balance of forces and moments.
@@ -46,4 +54,91 @@ fn a_conventional_helicopter_trims_as_one_does() {
     assert!(pitch(&points[1]) < pitch(hover));
     // Energy is accounted for.
     assert!(hover.power.imbalance().abs() < 1e-5, "{}", hover.power.imbalance());
+}
+
+/// The same helicopter with its tail rotor at a speed that stands in no simple
+/// ratio to the main rotor's: 394 and 2550 rpm.
+fn at_odd_speeds() -> Problem {
+    let mut problem = light_helicopter();
+    problem.rotors[0].speed = 41.26;
+    problem.rotors[1].speed = 267.04;
+    // As much thrust as before from rotors that turn slower.
+    for rotor in &mut problem.rotors {
+        for chord in &mut rotor.chord.value {
+            *chord *= 1.6;
+        }
+    }
+    problem
+}
+
+/// A tail rotor of any speed is averaged, each rotor turns at its own speed, and
+/// the helicopter trims and has a linear model with the period of its main rotor.
+#[test]
+fn speeds_without_a_common_period_trim_and_linearise() {
+    let problem = at_odd_speeds();
+    let vehicle = Vehicle::new(&problem).unwrap();
+    assert!(!vehicle.rotors[0].is_averaged() && vehicle.rotors[1].is_averaged());
+    assert!((vehicle.period - std::f64::consts::PI / 41.26).abs() < 1e-12);
+    let conditions = [0.0, 60.0].map(|knots| FlightCondition::level(knots * KNOT));
+    for point in sweep(&vehicle, &conditions, &Options::default(), |_| {}).points {
+        assert!(point.on_orbit(), "{:?}", point.status);
+        assert!(point.power.imbalance().abs() < 1e-4, "{}", point.power.imbalance());
+        let tail = &point.rotors[1];
+        assert!((tail.power / tail.torque / 267.04 - 1.0).abs() < 1e-9);
+        let trim = point.into_converged().unwrap();
+        let model = linearize(&vehicle, &trim, &Default::default()).unwrap().model.averaged();
+        assert!(model.a().iter().all(|entry| entry.is_finite()));
+    }
+}
+
+/// Averaging leaves the trim nearly alone: what the ripple of a tail rotor does
+/// to the mean flight is small beside what it carries.
+#[test]
+fn averaging_the_tail_rotor_hardly_moves_the_trim() {
+    let trims = [AzimuthModel::Resolved, AzimuthModel::Averaged].map(|azimuth| {
+        let mut problem = light_helicopter();
+        problem.rotors[1].azimuth = Some(azimuth);
+        let vehicle = Vehicle::new(&problem).unwrap();
+        let condition = [FlightCondition::level(60.0 * KNOT)];
+        sweep(&vehicle, &condition, &Options::default(), |_| {}).points.remove(0)
+    });
+    let [resolved, averaged] = &trims;
+    for k in 0..4 {
+        let moved = averaged.sticks[k] - resolved.sticks[k];
+        assert!(moved.abs() < 0.05, "stick {k}: {moved} %");
+    }
+    let moved = averaged.mean_state[Layout::BODY.roll] - resolved.mean_state[Layout::BODY.roll];
+    assert!(moved.abs().to_degrees() < 0.01, "{moved}");
+}
+
+/// A rotor averaged over its azimuth is a rotor of many blades: twelve blades
+/// resolved leave no ripple that matters, and both do the same.
+#[test]
+fn many_blades_resolved_are_the_average() {
+    let aircraft = |azimuth| {
+        let mut problem = light_helicopter();
+        for rotor in &mut problem.rotors {
+            rotor.hub_kind = HubKind::Rigid;
+            for chord in &mut rotor.chord.value {
+                *chord *= rotor.blades as f64 / 12.0;
+            }
+            rotor.blade_mass /= 6.0;
+            rotor.blade_first_moment /= 6.0;
+            rotor.blade_second_moment /= 6.0;
+            rotor.blades = 12;
+            rotor.azimuth = Some(azimuth);
+        }
+        Vehicle::new(&problem).unwrap()
+    };
+    let resolved = aircraft(AzimuthModel::Resolved);
+    let averaged = aircraft(AzimuthModel::Averaged);
+    assert!(averaged.is_steady() && !resolved.is_steady());
+    let (state, effectors) = common::lively(&resolved);
+    let mean = common::rates(&averaged, 0.0, &state, &effectors, [0.0; 3]);
+    for azimuth in [0.0, 0.1, 0.21, 0.37] {
+        let rates = common::rates(&resolved, azimuth, &state, &effectors, [0.0; 3]);
+        for (k, (a, b)) in rates.iter().zip(&mean).enumerate() {
+            assert!((a - b).abs() < 1e-6 * b.abs().max(1.0), "rate {k} at {azimuth}: {a} {b}");
+        }
+    }
 }

@@ -220,22 +220,22 @@ fn val_hover_inflow_is_momentum_theory() {
     let mut state = vec![0.0; vehicle.state_count()];
     let mut effectors = vec![0.0; vehicle.effector_count()];
     for places in &vehicle.layout.rotors {
-        state[places.self_inflow] = lambda;
+        state[places.self_inflow.unwrap()] = lambda;
         state[places.total_inflow.unwrap()] = lambda;
-        effectors[places.effectors] = theta;
+        effectors[places.pitch.unwrap()] = theta;
     }
     let at = vehicle.layout.rotors[0];
     let rate = |effectors: &[f64], k: usize| rates(&vehicle, 0.4, &state, effectors, [0.0; 3])[k];
     // λ' = Ω (3π/8) (C_T − 2λ²): the closed form is good to 1e-4 of 2λ².
     let scale = vehicle.rotors[0].speed * 3.0 * PI / 8.0 * 2.0 * lambda * lambda;
-    assert!(rate(&effectors, at.self_inflow).abs() < 2e-4 * scale);
+    assert!(rate(&effectors, at.self_inflow.unwrap()).abs() < 2e-4 * scale);
     for k in [1, 2] {
-        assert!(rate(&effectors, at.self_inflow + k).abs() < 1e-9, "no gradient");
+        assert!(rate(&effectors, at.self_inflow.unwrap() + k).abs() < 1e-9, "no gradient");
     }
     // Total inflow has arrived.
     assert!(rate(&effectors, at.total_inflow.unwrap()).abs() < 1e-9);
-    effectors[at.effectors] *= 1.1;
-    assert!(rate(&effectors, at.self_inflow) > 0.01 * scale);
+    effectors[at.pitch.unwrap()] *= 1.1;
+    assert!(rate(&effectors, at.self_inflow.unwrap()) > 0.01 * scale);
 }
 
 // --- Teetering -----------------------------------------------------------------
@@ -522,6 +522,7 @@ fn wing(cant: f64, dihedral: f64, model: WingModel) -> problem::Wing {
         span: 6.0,
         chord: constant(1.2),
         incidence: 0.0,
+        incidence_schedule: None,
         cant,
         dihedral,
         model,

@@ -389,7 +389,7 @@ fn a_poor_guess_finds_the_same_trim() {
     guess.state[body.pitch] -= 0.1;
     guess.state[body.rate + 1] += 0.1;
     for places in &vehicle.layout.rotors {
-        guess.state[places.self_inflow] *= 1.4;
+        guess.state[places.self_inflow.unwrap()] *= 1.4;
         guess.state[places.flapping.unwrap()] += 0.025;
     }
     guess.sticks[1] += 0.75;

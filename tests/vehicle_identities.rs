@@ -7,8 +7,8 @@ mod common;
 use coaxdesign::numerics::integration::{COOPER_VERNER_8, Integrator};
 use coaxdesign::numerics::scalar::{Dual, Scalar, Vec3};
 use coaxdesign::problem::{
-    Direction, FuselageAerodynamics, Governor, HubKind, MassFlow, Problem, TotalInflow, Wash,
-    WingModel,
+    AzimuthModel, Direction, FuselageAerodynamics, Governor, HubKind, MassFlow, Problem,
+    TotalInflow, Wash, WingModel,
 };
 use coaxdesign::vehicle::frames::body_to_hub;
 use coaxdesign::vehicle::output::Output;
@@ -65,6 +65,32 @@ fn variants() -> Vec<Problem> {
             p.mass.i_yz = -15.0;
             p.mass.center_of_gravity.butt_line = 0.04;
             // The general table of interference is slow to build.
+            p.inflow.interactions = false;
+        }),
+        variant("coax2d", "articulated rotors of four blades", |p| {
+            *p = common::articulated(p.clone(), 4);
+        }),
+        variant("coax2d", "articulated rotors of two blades", |p| {
+            *p = common::articulated(p.clone(), 2);
+        }),
+        variant("coax2d", "hingeless rotors of five blades, governed", |p| {
+            *p = common::articulated(p.clone(), 5);
+            for rotor in &mut p.rotors {
+                rotor.hub_kind = HubKind::Hingeless {
+                    hinge_offset: 0.1,
+                    frequency: 1.15,
+                    damping: 20.0,
+                    delta_3: 0.1,
+                };
+                rotor.governor = Some(Governor { time_constant: 0.5 });
+            }
+            p.inflow.interactions = false;
+        }),
+        variant("coax2d", "gimballed rotors of three blades, governed", |p| {
+            *p = common::gimballed(p.clone(), 3);
+            for rotor in &mut p.rotors {
+                rotor.governor = Some(Governor { time_constant: 0.5 });
+            }
             p.inflow.interactions = false;
         }),
         variant("coax2d", "fuselage tables, finite wings, wash that turns", |p| {
@@ -187,7 +213,7 @@ fn air_that_turns_is_an_aircraft_that_turns() {
         for places in &vehicle.layout.rotors {
             let mut felt = false;
             for k in 0..3 {
-                let at = places.self_inflow + k;
+                let at = places.self_inflow.unwrap() + k;
                 let (a, b) = (air[at], aircraft[at]);
                 assert!((a - b).abs() < 1e-11, "{}: inflow {k}: {a} and {b}", p.name);
                 felt |= (a - neither[at]).abs() > 1e-3;
@@ -323,6 +349,9 @@ fn rates_are_periodic() {
         let turn = vehicle.period * vehicle.reference_speed;
         // Two- and three-bladed rotors at one speed: half and a third of a turn.
         let blades = p.rotors[0].blades as f64;
+        // Neighbours of four articulated blades differ by their reactionless mode.
+        let alternate = vehicle.layout.states.iter().any(|state| state.name.ends_with("beta_d"));
+        let blades = if alternate { 0.5 * blades } else { blades };
         assert!((turn - TAU / blades).abs() < 1e-12, "{}: period {turn}", p.name);
         for azimuth in [0.0, 0.9, 2.4] {
             let here = rates(&vehicle, azimuth, &state, &effectors, [0.0; 3]);
@@ -360,10 +389,16 @@ fn period_of_rotors_of_different_speeds() {
     for (a, b) in here.iter().zip(&there) {
         assert!((a - b).abs() < 1e-11 * a.abs().max(1.0));
     }
-    assert!(matches!(
-        with_ratio(std::f64::consts::SQRT_2),
-        Err(VehicleError::NoCommonPeriod { .. })
-    ));
+    // Without a common period the faster one is averaged, and both cannot be
+    // resolved.
+    let vehicle = with_ratio(std::f64::consts::SQRT_2).unwrap();
+    assert!(!vehicle.rotors[0].is_averaged() && vehicle.rotors[1].is_averaged());
+    let mut p = common::coarsened(problem("coax2d"));
+    p.rotors[1].speed *= std::f64::consts::SQRT_2;
+    for rotor in &mut p.rotors {
+        rotor.azimuth = Some(AzimuthModel::Resolved);
+    }
+    assert!(matches!(Vehicle::new(&p), Err(VehicleError::NoCommonPeriod { .. })));
 }
 
 /// Mirrored vehicle, mirrored flight: mirrored rates, to rounding.
@@ -474,7 +509,7 @@ fn distant_rotors_are_two_rotors_alone() {
         // Total inflow as it settles.
         let start = places.total_inflow.unwrap();
         for k in 0..3 {
-            state[start + k] = state[places.self_inflow + k];
+            state[start + k] = state[places.self_inflow.unwrap() + k];
         }
     }
     let together = rates(&vehicle, 0.6, &state, &effectors, [0.0; 3]);
@@ -484,15 +519,18 @@ fn distant_rotors_are_two_rotors_alone() {
         let mut x = state[..Layout::BODY.count].to_vec();
         let first = places.flapping.unwrap();
         x.extend(&state[first..first + 8]);
-        let u = &effectors[places.effectors..places.effectors + 3];
+        let pitch = places.pitch.unwrap();
+        let u = &effectors[pitch..pitch + 3];
         let single = rates(alone, 0.6, &x, u, [0.0; 3]);
         for k in 0..6 {
-            let (a, b) = (together[places.self_inflow + k], single[own.self_inflow + k]);
+            let (a, b) =
+                (together[places.self_inflow.unwrap() + k], single[own.self_inflow.unwrap() + k]);
             // Interference of 1e-5 on a circulation of 0.1, times 200 rad/s.
             assert!((a - b).abs() < 2e-4, "rotor {index}, inflow {k}: {a} and {b}");
         }
         for k in 0..3 {
-            let (a, b) = (together[places.self_inflow + k], single[own.self_inflow + k]);
+            let (a, b) =
+                (together[places.self_inflow.unwrap() + k], single[own.self_inflow.unwrap() + k]);
             assert!((a - b).abs() < 1e-9, "rotor {index}, own inflow {k}: {a} and {b}");
         }
     }
@@ -544,22 +582,20 @@ fn dot(a: V3, b: V3) -> f64 {
 fn blade_point<S: Scalar>(
     rotor: &coaxdesign::problem::Rotor,
     azimuth: S,
-    teeter: S,
+    flap: S,
     blade: usize,
     r: f64,
 ) -> Vec3<S> {
-    let (undersling, flap) = match rotor.hub_kind {
-        HubKind::Teetering { undersling, .. } => {
-            (undersling, if blade == 0 { teeter } else { -teeter })
-        }
-        HubKind::Rigid => (0.0, S::default()),
+    let undersling = match rotor.hub_kind {
+        HubKind::Teetering { undersling, .. } | HubKind::Gimballed { undersling, .. } => undersling,
+        _ => 0.0,
     };
     let psi = azimuth + TAU * blade as f64 / rotor.blades as f64;
     let (sp, cp) = psi.sin_cos();
     let (sf, cf) = flap.sin_cos();
     let (sc, cc) = (flap + rotor.precone).sin_cos();
     // Outward along the disk, and up along the shaft.
-    let out = cc * r + sf * undersling;
+    let out = cc * r + sf * undersling + rotor.hub_kind.hinge_offset();
     let up = sc * r - cf * undersling;
     // Blade 1 points aft at azimuth zero and moves to starboard if the rotor
     // turns counter-clockwise seen from above.
@@ -567,6 +603,44 @@ fn blade_point<S: Scalar>(
     let in_hub = Vec3([-(out * cp), out * sp * side, -up]);
     let hub = body_to_hub(rotor.cant, rotor.tilt);
     in_hub.rotated_back(&hub)
+}
+
+/// Flap angle of a blade and its rate from the multi-blade states, written down
+/// anew from their names.
+fn flap(
+    vehicle: &Vehicle,
+    rotor: usize,
+    x: &[f64],
+    azimuth: f64,
+    speed: f64,
+    blade: usize,
+) -> Dual<1> {
+    let rotor = &vehicle.rotors[rotor];
+    let psi = azimuth + TAU * blade as f64 / rotor.blades as f64;
+    let state =
+        |name: &str| vehicle.layout.state(&format!("{}.{name}", rotor.name)).map(|place| x[place]);
+    let mut flap = Dual::<1> { v: 0.0, d: [0.0] };
+    let alternating = if blade % 2 == 0 { 1.0 } else { -1.0 };
+    for (name, sign) in [("beta_0", 1.0), ("beta_d", alternating)] {
+        if let (Some(angle), Some(rate)) = (state(name), state(&format!("{name}_rate"))) {
+            flap.v += sign * angle;
+            flap.d[0] += sign * rate;
+        }
+    }
+    for n in 1..=5 {
+        let (Some(c), Some(s)) = (state(&format!("beta_{n}c")), state(&format!("beta_{n}s")))
+        else {
+            continue;
+        };
+        let rates = [format!("beta_{n}c_rate"), format!("beta_{n}s_rate")];
+        // Variation of constants leaves their own rates out.
+        let [rate_c, rate_s] = rates.map(|name| state(&name).unwrap_or(0.0));
+        let (sin, cos) = (n as f64 * psi).sin_cos();
+        flap.v += c * cos + s * sin;
+        let turn = n as f64 * speed;
+        flap.d[0] += (rate_c + turn * s) * cos + (rate_s - turn * c) * sin;
+    }
+    flap
 }
 
 /// Momentum, angular momentum about a fixed point, energy: of airframe and
@@ -619,17 +693,20 @@ fn mechanics(p: &Problem, vehicle: &Vehicle, time: f64, x: &[f64]) -> Mechanics 
     for (index, rotor) in p.rotors.iter().enumerate() {
         let places = &vehicle.layout.rotors[index];
         let (mut azimuth, mut speed) = (rotor.speed * time + rotor.azimuth_offset, rotor.speed);
-        if let Some(start) = places.speed {
+        if let (Some(start), Some(lead)) = (places.speed, places.azimuth) {
             speed = x[start];
-            azimuth += x[start + 1];
+            azimuth += x[lead];
         }
-        let [b1c, b1s] = places.flapping.map_or([0.0; 2], |at| [x[at], x[at + 1]]);
-        let (s, c) = azimuth.sin_cos();
-        let teeter = Dual::<1> { v: b1c * c + b1s * s, d: [speed * (b1s * c - b1c * s)] };
+        let flaps: Vec<Dual<1>> =
+            (0..rotor.blades).map(|k| flap(vehicle, index, x, azimuth, speed, k)).collect();
         let azimuth = Dual::<1> { v: azimuth, d: [speed] };
-        if let HubKind::Teetering { spring, .. } = rotor.hub_kind {
-            springs += 0.5 * spring * teeter.v * teeter.v;
-        }
+        let shares = rotor.blades as f64 * if rotor.blades == 2 { 1.0 } else { 0.5 };
+        let spring = match rotor.hub_kind {
+            HubKind::Teetering { spring, .. } => spring / 2.0,
+            HubKind::Gimballed { spring, .. } => spring / shares,
+            _ => rotor.flap_spring(),
+        };
+        springs += flaps.iter().map(|flap| 0.5 * spring * flap.v * flap.v).sum::<f64>();
         let hub = vehicle.rotors[index].position_body;
         let hub_velocity = add(velocity, cross(rate, hub));
         // The airframe counts the blades as points at the hub: take them out.
@@ -644,7 +721,7 @@ fn mechanics(p: &Problem, vehicle: &Vehicle, time: f64, x: &[f64]) -> Mechanics 
         let root = rotor.blade_mass - middle - tip;
         for blade in 0..rotor.blades {
             for (mass, r) in [(root, 0.0), (middle, 0.5 * radius), (tip, radius)] {
-                let place = blade_point(rotor, azimuth, teeter, blade, r).0;
+                let place = blade_point(rotor, azimuth, flaps[blade], blade, r).0;
                 let from_center = add(hub, place.map(|c| c.v));
                 let relative = place.map(|c| c.d[0]);
                 let moving = add(velocity, add(cross(rate, from_center), relative));
@@ -664,14 +741,17 @@ fn assert_conserved(p: &Problem) {
     let mut x = vec![0.0; n + EXTRA];
     x[..8].copy_from_slice(&[5.0, -3.0, 2.0, 0.4, -0.3, 0.5, 0.2, -0.1]);
     for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-        if let Some(start) = places.flapping {
-            x[start] = 0.06;
-            x[start + 1] = -0.04;
+        let [start, angles, rates] = places.flap;
+        for k in 0..angles {
+            x[start + k] = [0.06, -0.04, 0.03, -0.02, 0.01][k];
+        }
+        for k in 0..rates {
+            x[start + angles + k] = [0.5, 0.9, -0.4, 0.3, -0.6][k];
         }
         if let Some(start) = places.speed {
             x[start] = lively[start];
             x[start + 1] = lively[start + 1];
-            effectors[places.effectors + 3] = rotor.speed + 2.0;
+            effectors[places.command.unwrap()] = rotor.speed + 2.0;
         }
     }
     let mut integrator = Integrator::<f64>::new(COOPER_VERNER_8, n + EXTRA);
@@ -742,6 +822,16 @@ fn free_flight_in_vacuum_conserves() {
             rotor.governor = Some(Governor { time_constant: 0.2 });
         }
     };
+    let lossless = |p: &mut Problem| {
+        for rotor in &mut p.rotors {
+            match &mut rotor.hub_kind {
+                HubKind::Articulated { damping, .. } | HubKind::Gimballed { damping, .. } => {
+                    *damping = 0.0;
+                }
+                _ => {}
+            }
+        }
+    };
     for p in [
         named("teetering", in_vacuum("coax2d", |_| {})),
         named("springs, cant and offsets", in_vacuum("coax2d", springs)),
@@ -752,6 +842,40 @@ fn free_flight_in_vacuum_conserves() {
                 *p = common::rigid_three_blades(p.clone());
                 // Equal rotors turned opposite ways do no work together.
                 p.rotors[1].blade_second_moment *= 1.5;
+            }),
+        ),
+        named(
+            "articulated, four blades",
+            in_vacuum("coax2d", |p| {
+                *p = common::articulated(p.clone(), 4);
+                lossless(p);
+                p.rotors[1].blade_second_moment *= 1.5;
+            }),
+        ),
+        named(
+            "articulated, two blades, governed, and hingeless, five",
+            in_vacuum("coax2d", |p| {
+                *p = common::articulated(p.clone(), 2);
+                lossless(p);
+                govern(p);
+                p.rotors[1].blades = 5;
+                p.rotors[1].blade_mass *= 0.4;
+                p.rotors[1].hub_kind = HubKind::Hingeless {
+                    hinge_offset: 0.12,
+                    frequency: 1.2,
+                    damping: 0.0,
+                    delta_3: 0.0,
+                };
+            }),
+        ),
+        named(
+            "gimballed, three blades, governed, and two",
+            in_vacuum("coax2d", |p| {
+                *p = common::gimballed(p.clone(), 3);
+                lossless(p);
+                govern(p);
+                p.rotors[1].blades = 2;
+                p.rotors[1].azimuth_offset = 0.4;
             }),
         ),
         named(

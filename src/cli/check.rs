@@ -7,10 +7,11 @@ use super::args::{ProblemArgs, UnitsArgs};
 use super::error::color;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{
-    Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow, Problem, STICKS,
-    Spanwise, Station, TeeterEquation, TotalInflow, Wash, WingModel,
+    AzimuthModel, Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow,
+    Problem, Rotor, STICKS, Spanwise, Station, TeeterEquation, TotalInflow, Wash, WingModel,
 };
 use coaxdesign::units::{Kind, System};
+use coaxdesign::vehicle::azimuth::Turning;
 use coaxdesign::vehicle::{Vehicle, summary};
 
 /// Digits that are shown; JSON has them all.
@@ -236,12 +237,7 @@ fn rotors(problem: &Problem) -> Section {
             Direction::Clockwise => "clockwise",
         })
     });
-    section.row("hub", "hub kind", one, &bodies, |(r, _)| {
-        text(match r.hub_kind {
-            HubKind::Teetering { .. } => "teetering",
-            HubKind::Rigid => "rigid",
-        })
-    });
+    section.row("hub", "hub kind", one, &bodies, |(r, _)| text(r.hub_kind.word()));
     section.row("blades", "blades", one, &bodies, |(r, _)| number(r.blades as f64));
     section.row("radius", "radius", Kind::Length, &bodies, |(r, _)| number(r.radius));
     section.row("chord", "chord", Kind::Length, &bodies, |(r, _)| spanwise(&r.chord));
@@ -249,6 +245,14 @@ fn rotors(problem: &Problem) -> Section {
     section.row("solidity", "solidity", one, &bodies, |(_, s)| number(s.solidity));
     section.row("disk_area", "disk area", Kind::Area, &bodies, |(_, s)| number(s.disk_area));
     section.row("speed", "speed", Kind::AngularRateRad, &bodies, |(r, _)| number(r.speed));
+    let turning = Turning::of(problem).ok();
+    let models = (0..bodies.len()).map(|k| turning.as_ref().map(|turning| turning.models[k]));
+    section.row("azimuth", "azimuth", one, &models.collect::<Vec<_>>(), |model| {
+        text(match model.as_ref()? {
+            AzimuthModel::Resolved => "resolved",
+            AzimuthModel::Averaged => "averaged",
+        })
+    });
     section.row("tip_speed", "tip speed", Kind::Velocity, &bodies, |(_, s)| number(s.tip_speed));
     section.row("tip_mach", "tip Mach number in hover", one, &bodies, |(_, s)| number(s.tip_mach));
     section.row(
@@ -268,9 +272,29 @@ fn rotors(problem: &Problem) -> Section {
     );
     section.row("precone", "precone", Kind::Angle, &bodies, |(r, _)| number(r.precone));
     section.row("undersling", "undersling", Kind::Length, &bodies, |(r, _)| match r.hub_kind {
-        HubKind::Teetering { undersling, .. } => number(undersling),
-        HubKind::Rigid => None,
+        HubKind::Teetering { undersling, .. } | HubKind::Gimballed { undersling, .. } => {
+            number(undersling)
+        }
+        _ => None,
     });
+    let flapping = |r: &Rotor| r.flap_frequency().is_some();
+    section.row("hinge_offset", "flap hinge offset", Kind::Length, &bodies, |(r, _)| {
+        flapping(r).then(|| Cell::Number(r.hub_kind.hinge_offset()))
+    });
+    section.row(
+        "flap_spring",
+        "flap spring of a blade",
+        Kind::AngularStiffness,
+        &bodies,
+        |(r, _)| flapping(r).then(|| Cell::Number(r.flap_spring())),
+    );
+    section.row(
+        "flap_frequency_per_rev",
+        "flap frequency in vacuo, per rev",
+        one,
+        &bodies,
+        |(r, _)| r.flap_frequency().map(Cell::Number),
+    );
     section.row("blade_mass", "blade mass", Kind::Mass, &bodies, |(r, _)| number(r.blade_mass));
     section.row(
         "blade_first_moment",

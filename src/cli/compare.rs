@@ -12,7 +12,7 @@ use super::modes::plane;
 use super::report::gather::Checked;
 use super::report::{Inputs, directory_of};
 use super::trim::{attitude, curves, least_margin, on_off, parse_speeds};
-use super::tune::{blades, usage};
+use super::tune::usage;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::Channel;
 use coaxdesign::control::models::from_state_space;
@@ -21,6 +21,7 @@ use coaxdesign::control::verify::{BladeControl, Row};
 use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
 use coaxdesign::linear::modes::{Mode, modes};
 use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
+use coaxdesign::pipeline::blade_controls;
 use coaxdesign::problem::Problem;
 use coaxdesign::report::figures::{EigenvalueSet, trim_figure};
 use coaxdesign::report::html::{Page, Section};
@@ -206,7 +207,7 @@ impl Subject {
                     "look at the models with `coaxdesign linearize`",
                 )
             })?;
-            effort = Some(blade_pitch(&inversion, &blades(&problem)));
+            effort = Some(blade_pitch(&inversion, &blade_controls(&problem)));
         }
         Ok(Self {
             name: entry.name,

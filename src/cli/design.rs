@@ -15,9 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::args::{ProblemArgs, STAGE, Units, UnitsArgs, builtin_name};
 use super::export::FormatName;
-use super::report::problem_hash;
 use super::tune::{SpecArgs, usage};
 use super::{CliError, Outcome, output, version};
+use coaxdesign::pipeline::problem_hash;
 use coaxdesign::problem::BUILTIN;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::schedule::hash;
@@ -196,7 +196,8 @@ impl Design {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         // A mistake in a file is said at once, not after the first stages.
         let loaded = self.problem.load_with_warnings(self.quiet)?;
-        let (spec, spec_text) = SpecArgs::of(self.spec.clone()).load()?;
+        let requirements = SpecArgs::of(self.spec.clone()).load()?;
+        let spec = &requirements.specification;
         super::trim::parse_speeds(&self.speeds)?;
         let breakpoints: Vec<String> = spec
             .speeds
@@ -212,7 +213,7 @@ impl Design {
         let directory = &self.output;
         std::fs::create_dir_all(directory)
             .map_err(|source| CliError::Io { path: directory.clone(), source })?;
-        let sources = [problem_hash(&loaded), hash([spec_text.as_str()])];
+        let sources = [problem_hash(&loaded), requirements.hash()];
         let before = if self.again { None } else { Note::read(directory)? };
         let mut note = Note {
             schema: SCHEMA.into(),

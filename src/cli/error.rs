@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::output;
+use coaxdesign::pipeline::PipelineError;
 use coaxdesign::problem::Report;
 use coaxdesign::vehicle::VehicleError;
 
@@ -66,6 +67,22 @@ pub enum CliError {
     /// A result that should have been there is not.
     #[error("internal error: {0}")]
     Internal(String),
+}
+
+impl From<PipelineError> for CliError {
+    fn from(error: PipelineError) -> Self {
+        let help = error.help();
+        match error {
+            PipelineError::Input(report) => Self::Problem(report),
+            PipelineError::Vehicle(error) => Self::Vehicle(error),
+            PipelineError::NoTrim(point) => Self::Missed(format!(
+                "no trim to start from: {}",
+                super::trim::failures(&[vec![*point]])
+            )),
+            PipelineError::Explain(error) => Self::Internal(error.to_string()),
+            error => Self::Usage { message: error.to_string(), help: help.into() },
+        }
+    }
 }
 
 impl CliError {

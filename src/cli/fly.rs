@@ -7,7 +7,6 @@ use clap::Args;
 
 use super::CliError;
 use super::args::ProblemArgs;
-use super::trim::failures;
 use coaxdesign::control::plant::Hardware;
 use coaxdesign::control::spec;
 use coaxdesign::problem::Loaded;
@@ -16,9 +15,7 @@ use coaxdesign::simulate::flight::{Autopilot, FlightError};
 use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
 use coaxdesign::simulate::{Options, SimulationError};
-use coaxdesign::trim::{ConvergedTrim, Options as TrimOptions, sweep};
 use coaxdesign::units::{Kind, parse_quantity};
-use coaxdesign::vehicle::Vehicle;
 
 /// The manoeuvre and how it is flown.
 #[derive(Debug, Clone, Args)]
@@ -180,28 +177,6 @@ impl FlyArgs {
             ..Options::new(hardware, rate_limit)
         };
         Ok(Ready { loaded, variation, schedule, autopilot, as_read, maneuver, options })
-    }
-}
-
-impl Ready {
-    /// The vehicle that flies.
-    ///
-    /// # Errors
-    /// A problem of which no model can be built.
-    pub fn vehicle(&self) -> Result<Vehicle, CliError> {
-        Ok(self.variation.vehicle(&self.loaded.problem)?)
-    }
-
-    /// The trim that the manoeuvre starts from.
-    ///
-    /// # Errors
-    /// None was found.
-    pub fn start(&self, vehicle: &Vehicle) -> Result<ConvergedTrim, CliError> {
-        let condition = self.maneuver.start.condition;
-        let mut found = sweep(vehicle, &[condition], &TrimOptions::default(), |_| {});
-        let message = failures(std::slice::from_ref(&found.points));
-        let point = found.points.pop().and_then(|point| point.into_converged().ok());
-        point.ok_or_else(|| CliError::Missed(format!("no trim to start from: {message}")))
     }
 }
 

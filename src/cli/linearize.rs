@@ -23,10 +23,12 @@ use coaxdesign::linear::io::{
     ModelRecord, periodic_to_json, periodic_to_mat, set_to_json, set_to_mat, to_csv, to_json,
     to_mat,
 };
-use coaxdesign::linear::linearize::{Linearization, linearize};
+use coaxdesign::linear::linearize::{Linearization, linearize, trim_values};
 use coaxdesign::linear::model::FourierMatrix;
 use coaxdesign::linear::reduction::RIGID_BODY;
-use coaxdesign::linear::set::{Interpolation, MidpointCheck, ModelSet, check_interpolation};
+use coaxdesign::linear::set::{
+    Interpolation, MidpointCheck, ModelSet, TrimValues, check_interpolation,
+};
 use coaxdesign::linear::{Channel, LinearError, PeriodicModel, StateSpace};
 use coaxdesign::problem::Problem;
 use coaxdesign::report::figures::{
@@ -132,6 +134,8 @@ struct Case {
     model: StateSpace,
     reduced: Option<Reduced>,
     averaging: Option<(Floquet, AveragingError)>,
+    /// Trim of the model asked for.
+    trim: Option<TrimValues>,
 }
 
 impl Case {
@@ -145,6 +149,7 @@ impl Case {
             speed: self.condition.horizontal_speed(),
             interactions: Some(self.interactions),
             model: self.result().clone(),
+            trim: self.trim.clone(),
         }
     }
 }
@@ -228,7 +233,9 @@ impl Linearize {
         } else {
             None
         };
+        let asked = reduced.as_ref().map_or(&model, |reduced| &reduced.model);
         Ok(Case {
+            trim: trim_values(&flown.vehicle, trim, asked),
             interactions: flown.interactions,
             condition: trim.point().condition,
             linearization,
@@ -351,6 +358,12 @@ impl Linearize {
                 at_grid.iter().map(|case| case.condition.horizontal_speed()).collect(),
                 at_grid.iter().map(|case| case.result().clone()).collect(),
             )?;
+            let trims: Option<Vec<TrimValues>> =
+                at_grid.iter().map(|case| case.trim.clone()).collect();
+            let set = match trims {
+                Some(trims) => set.with_trims(trims)?,
+                None => set,
+            };
             let checked: Vec<MidpointCheck> = between
                 .par_iter()
                 .map(|case| {
@@ -395,8 +408,10 @@ impl Linearize {
             }
             ModelFormat::Csv => {
                 let mut text = String::new();
-                for (speed, model) in sets[0].speeds().iter().zip(sets[0].models()) {
+                for (k, (speed, model)) in sets[0].speeds().iter().zip(sets[0].models()).enumerate()
+                {
                     let record = ModelRecord {
+                        trim: sets[0].trims().map(|trims| trims[k].clone()),
                         speed: *speed,
                         interactions: sets[0].interactions(),
                         model: model.clone(),

@@ -33,6 +33,7 @@ mod tune;
 mod validate;
 mod verify;
 mod version;
+mod watch;
 
 use std::process::ExitCode;
 

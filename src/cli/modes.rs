@@ -15,12 +15,12 @@ use super::{CliError, Outcome, output};
 use coaxdesign::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponents};
 use coaxdesign::linear::linearize::{Options, linearize};
 use coaxdesign::linear::modes::{Mode, modes};
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, PeriodicModel, StateSpace};
 use coaxdesign::problem::{Problem, Reference};
 use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
 use coaxdesign::report::plot::Legend;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{Kind, System};
 
 /// Modes slower than this, rad/s, are shown larger in a second panel of the

@@ -11,9 +11,10 @@ use clap::Args;
 use super::args::{ProblemArgs, RunArgs, UnitsArgs};
 use super::{CliError, Outcome, output};
 use coaxdesign::control::law::LawTable;
+use coaxdesign::pipeline::{Requirements, problem_hash};
 use coaxdesign::problem::{self, Loaded};
 use coaxdesign::report::html::Page;
-use coaxdesign::schedule::{Schedule, hash};
+use coaxdesign::schedule::Schedule;
 use gather::{Checked, Study};
 pub(super) use maneuvers::DIRECTORY as FLIGHTS;
 use maneuvers::Flown;
@@ -89,10 +90,8 @@ pub(super) struct Inputs {
     pub loaded: Loaded,
     /// Name or path of the problem, as it is shown.
     pub problem_name: String,
-    /// The specification and its text.
-    pub spec: (coaxdesign::control::spec::Specification, String),
-    /// Name or path of the specification, as it is shown.
-    pub spec_name: String,
+    /// The specification.
+    pub requirements: Requirements,
 }
 
 impl Inputs {
@@ -125,13 +124,9 @@ impl Inputs {
             })?,
         };
         let spec_path = spec.map(Path::to_path_buf).or(noted.specification);
-        let spec_name = spec_path.as_ref().map_or_else(
-            || coaxdesign::control::spec::BUILTIN_NAME.to_string(),
-            |path| path.display().to_string(),
-        );
-        let spec = super::tune::SpecArgs::of(spec_path).load()?;
+        let requirements = super::tune::SpecArgs::of(spec_path).load()?;
         let flights = maneuvers::read(directory, &schedule)?;
-        Ok(Self { schedule, checked, flights, loaded, problem_name, spec, spec_name })
+        Ok(Self { schedule, checked, flights, loaded, problem_name, requirements })
     }
 }
 
@@ -151,11 +146,6 @@ fn builtin_with(wanted: &str) -> Result<Option<(Loaded, String)>, CliError> {
         }
     }
     Ok(None)
-}
-
-/// Hash of all files of a problem, as a schedule carries it.
-pub(super) fn problem_hash(loaded: &Loaded) -> String {
-    hash(loaded.sources.files().iter().map(|f| f.text.as_str()))
 }
 
 /// The report as HTML.

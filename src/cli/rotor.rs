@@ -9,7 +9,7 @@ use super::{CliError, Outcome, output};
 use coaxdesign::problem::Problem;
 use coaxdesign::report::plot::{Axis, Figure, Panel, Series};
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use coaxdesign::trim::stand::{Flow, Load, Stand, StandPoint};
+use coaxdesign::trim::stand::{Flow, Load, Stand, StandError, StandPoint};
 use coaxdesign::units::{Kind, System, parse_quantity};
 
 /// Trim one rotor alone on a stand: hover polars, climb, wind tunnel
@@ -141,7 +141,13 @@ impl Rotor {
             edgewise: speed("edgewise", &self.edgewise)?,
             axial: speed("axial", &self.axial)?,
         };
-        let stand = Stand::new(problem, index)?;
+        let stand = Stand::new(problem, index).map_err(|error| match error {
+            StandError::Vehicle(error) => CliError::from(error),
+            StandError::NoBlades { .. } => CliError::Usage {
+                message: error.to_string(),
+                help: "choose a rotor with blades by --rotor NAME".into(),
+            },
+        })?;
         let points: Vec<StandPoint> =
             loads.par_iter().map(|&load| stand.trim(load, flow)).collect();
         let name = &problem.rotors[index].name;

@@ -6,16 +6,18 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
-use super::fly::{FlyArgs, Ready, flight_error};
+use super::fly::{FlyArgs, Ready};
 use super::output::{self, WholeFile};
 #[cfg(feature = "parquet")]
 use super::parquet::Columns;
+use super::watch::Watch;
 use super::{CliError, Outcome};
+use coaxdesign::pipeline::{FlightPlan, Flown, fly};
 use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
-use coaxdesign::simulate::metrics::{Meter, SCHEMA};
+use coaxdesign::simulate::metrics::SCHEMA;
 use coaxdesign::simulate::record::Column;
-use coaxdesign::simulate::{Flight, Metrics, Recorder, Status};
+use coaxdesign::simulate::{Metrics, Status};
 use coaxdesign::units::{Kind, System};
 
 /// Fly a manoeuvre with the full nonlinear vehicle, under a schedule or in open loop
@@ -140,47 +142,35 @@ impl Simulate {
         let ready = self.fly.ready(self.run.quiet)?;
         let system = self.units.system();
         let every = self.every()?;
-        let vehicle = ready.vehicle()?;
-        let start = ready.start(&vehicle)?;
-        let mut flight = Flight::new(
-            &vehicle,
-            &start,
-            ready.autopilot.as_ref(),
-            &ready.maneuver,
-            &ready.options,
-        )
-        .map_err(|error| flight_error(&error))?;
-        let mut recorder = Recorder::new(&flight);
-        let mut meter = Meter::new(&flight);
-        let mut stream = match (form, &self.output.output) {
-            (Some(form), Some(path)) => {
-                Stream::create(form, path, self.output.force, recorder.columns(), system)?
-            }
-            _ => None,
-        };
         let keep = self.plot.is_some() || form == Some(History::Json);
-        let mut kept = Kept { columns: recorder.columns().to_vec(), rows: Vec::new() };
-        let mut written: Result<(), CliError> = Ok(());
-        let mut count = 0u64;
-        let status = flight.fly(|flight| {
-            meter.see(flight);
-            if count.is_multiple_of(every) && written.is_ok() {
-                let row = recorder.row(flight);
-                if let Some(stream) = &mut stream {
-                    written = stream.row(&kept.columns, row, system);
+        let mut kept = Vec::new();
+        let mut stream = None;
+        let watch = Watch::new(self.run.quiet);
+        let plan = FlightPlan {
+            maneuver: ready.as_read.clone(),
+            variation: ready.variation,
+            options: ready.options.clone(),
+            every,
+        };
+        let problem = &ready.loaded.problem;
+        let flown = fly(problem, ready.schedule.as_ref(), &plan, &watch, |columns, row| {
+            if row.is_empty() {
+                if let (Some(form), Some(path)) = (form, &self.output.output) {
+                    stream = Stream::create(form, path, self.output.force, columns, system)?;
                 }
-                if keep {
-                    kept.rows.push(row.to_vec());
-                }
+                return Ok(());
             }
-            count += 1;
-        });
-        written?;
-        let metrics = meter.finish(&flight, &status);
+            if keep {
+                kept.push(row.to_vec());
+            }
+            stream.as_mut().map_or(Ok(()), |stream| stream.row(columns, row, system))
+        })?;
         if let Some(stream) = stream {
             stream.finish()?;
         }
-        let summary = summary(&ready, &flight, &metrics)?;
+        let kept = Kept { columns: flown.columns.clone(), rows: kept };
+        let (status, metrics) = (&flown.status, &flown.metrics);
+        let summary = summary(&ready, &flown)?;
         if let (Some(History::Json), Some(path)) = (form, &self.output.output) {
             let mut whole = summary.clone();
             whole["history"] = history(&kept);
@@ -188,19 +178,18 @@ impl Simulate {
             output::write_whole(path, text.as_bytes(), self.output.force)?;
         }
         if let Some(path) = &self.plot {
-            let revolution = std::f64::consts::TAU / vehicle.reference_speed;
-            let rows = revolution * self.fly.control_rate / every as f64;
-            let svg = figure(&ready, &status, &kept, rows.round() as usize, system);
+            let rows = flown.revolution * self.fly.control_rate / every as f64;
+            let svg = figure(&ready, status, &kept, rows.round() as usize, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         match self.format.format {
             Format::Json => output::print(&pretty(&summary)?)?,
-            Format::Csv => output::print(&tracking_table(&metrics, system).to_csv())?,
+            Format::Csv => output::print(&tracking_table(metrics, system).to_csv())?,
             Format::Table => {
-                output::print(&report(&ready, &metrics, system, Coloring::for_stdout()))?;
+                output::print(&report(&ready, metrics, system, Coloring::for_stdout()))?;
             }
         }
-        Ok(if status == Status::Completed { Outcome::Done } else { Outcome::GoalMissed })
+        Ok(if *status == Status::Completed { Outcome::Done } else { Outcome::GoalMissed })
     }
 
     /// Control periods between two rows.
@@ -255,10 +244,9 @@ fn csv_line(line: &mut String, columns: &[Column], row: &[f64], system: System) 
 }
 
 /// The metrics with what they belong to.
-fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json, CliError> {
+fn summary(ready: &Ready, flown: &Flown) -> Result<Json, CliError> {
     let variation = &ready.variation;
     let options = &ready.options;
-    let simulator = &flight.simulator;
     Ok(json!({
         "schema": SCHEMA,
         "maneuver": ready.maneuver.title,
@@ -270,7 +258,7 @@ fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json
             "specification_hash": s.provenance.specification_hash,
         })),
         "model": {
-            "interactions": simulator.vehicle().inflow.interactions,
+            "interactions": flown.interactions,
             "mass_factor": variation.mass,
             "inertia_factor": variation.inertia,
             "center_of_gravity_shift_m": variation.center_of_gravity,
@@ -282,11 +270,11 @@ fn summary(ready: &Ready, flight: &Flight<'_>, metrics: &Metrics) -> Result<Json
         "simulation": {
             "duration_s": ready.maneuver.duration,
             "control_rate_hz": options.control_rate,
-            "integration_step_s": simulator.integration_step(),
-            "delay_s": simulator.delay(),
+            "integration_step_s": flown.integration_step,
+            "delay_s": flown.delay,
             "seed": options.seed,
         },
-        "metrics": serde_json::to_value(metrics)
+        "metrics": serde_json::to_value(&flown.metrics)
             .map_err(|error| CliError::Internal(error.to_string()))?,
     }))
 }

@@ -5,14 +5,15 @@ use serde_json::{Map, Value as Json, json};
 use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::watch::Watch;
 use super::{CliError, Outcome, output};
+use coaxdesign::pipeline;
 use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
-use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
 use coaxdesign::trim::{
-    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, sweep, trim_at_power,
+    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, trim_at_power,
 };
 use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;
@@ -281,20 +282,7 @@ pub(super) fn trim_all(
     positions: &[bool],
     quiet: bool,
 ) -> Result<Vec<Vec<TrimPoint>>, CliError> {
-    use rayon::prelude::*;
-    let progress = Progress::new("trimming", (conditions.len() * positions.len()) as u64, quiet);
-    let swept: Vec<Result<Vec<TrimPoint>, CliError>> = positions
-        .par_iter()
-        .map(|&on| {
-            let mut problem = problem.clone();
-            problem.inflow.interactions = on;
-            let vehicle = Vehicle::new(&problem)?;
-            let done = |_: &TrimPoint| progress.advance();
-            Ok(sweep(&vehicle, conditions, &Options::default(), done).points)
-        })
-        .collect();
-    progress.finish();
-    swept.into_iter().collect()
+    Ok(pipeline::trim(problem, conditions, positions, &Watch::new(quiet))?)
 }
 
 /// Trims a problem at every condition, the rates of climb from the power.
@@ -820,10 +808,13 @@ fn place(condition: &FlightCondition, system: System) -> String {
     let mut text = shown(Kind::Airspeed, condition.horizontal_speed(), 1);
     if condition.climb_rate != 0.0 {
         let rate = match system {
-            System::Us => format!("{:.0} ft/min", condition.climb_rate / (FOOT / 60.0)),
-            System::Si => shown(Kind::Velocity, condition.climb_rate, 2),
+            System::Us => format!("{:.0} ft/min", condition.climb_rate.abs() / (FOOT / 60.0)),
+            System::Si => shown(Kind::Velocity, condition.climb_rate.abs(), 2),
         };
-        text += &format!(", climbing {rate}");
+        text += &format!(
+            ", {} {rate}",
+            if condition.climb_rate > 0.0 { "climbing" } else { "sinking" }
+        );
     }
     if condition.turn_rate != 0.0 {
         text += &format!(", turning {:.1} deg/s", condition.turn_rate.to_degrees());

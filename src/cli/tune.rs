@@ -1,31 +1,29 @@
 //! `coaxdesign tune-gains`.
 
 use clap::{Args, ValueEnum};
-use serde_json::json;
 use std::path::{Path, PathBuf};
 
 use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
-use coaxdesign::control::design::{Design, DesignError, design};
-use coaxdesign::control::explain::{Explanation, Target, explain};
+use coaxdesign::control::design::Design;
+use coaxdesign::control::explain::{Explanation, Target};
 use coaxdesign::control::law::LawTable;
-use coaxdesign::control::models::{Built, LeftOut, ModelsError, build};
-use coaxdesign::control::plant::{ModelClass, ModelSet, Plant};
-use coaxdesign::control::spec::{self, Specification};
-use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningError, TuningStats};
-use coaxdesign::control::verify::{
-    Authority, BladeControl, Verdict, Verification, VerifyError, authority, verify,
+use coaxdesign::control::models::LeftOut;
+use coaxdesign::control::plant::{ModelClass, ModelSet};
+use coaxdesign::control::spec::Specification;
+use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
+use coaxdesign::control::verify::{Authority, Verdict, Verification};
+use coaxdesign::pipeline::{
+    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, verification_document,
 };
-use coaxdesign::problem::Problem;
 use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
     gain_schedule_figure, heatmap_figure, nyquist_figure, sensitivity_figure,
 };
 use coaxdesign::report::plot::Figure;
-use coaxdesign::report::progress::Progress;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
-use coaxdesign::schedule::{Provenance, Schedule, hash};
 use coaxdesign::units::{Kind, System};
 
 /// Tune a gain schedule to a specification, verify it densely, and explain what is missed
@@ -101,173 +99,29 @@ impl SpecArgs {
         Self { spec, nominal_only: false }
     }
 
-    /// Reads the specification; also its text, for the hash.
-    pub(super) fn load(&self) -> Result<(Specification, String), CliError> {
-        let (mut spec, text) = match &self.spec {
-            None => (spec::builtin()?, spec::BUILTIN.to_string()),
-            Some(path) => {
-                let spec = spec::load(path)?;
-                let text = std::fs::read_to_string(path)
-                    .map_err(|source| CliError::Io { path: path.clone(), source })?;
-                (spec, text)
-            }
+    /// Reads the specification.
+    pub(super) fn load(&self) -> Result<Requirements, CliError> {
+        let requirements = match &self.spec {
+            None => Requirements::builtin()?,
+            Some(path) => Requirements::load(path)?,
         };
-        if self.nominal_only {
-            spec.models.truncate(1);
-        }
-        Ok((spec, text))
+        Ok(if self.nominal_only { requirements.nominal_only() } else { requirements })
     }
 }
 
-/// Middles between speeds, and further speeds asked for.
-pub(super) fn verification_speeds(breakpoints: &[f64], more: &[f64]) -> Vec<f64> {
-    let mut speeds = breakpoints.to_vec();
-    speeds.extend(breakpoints.windows(2).map(|w| 0.5 * (w[0] + w[1])));
-    speeds.extend_from_slice(more);
-    speeds.sort_by(f64::total_cmp);
-    speeds.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
-    speeds
-}
-
-/// Plants of every model at these speeds, with progress.
-pub(super) fn plants(
-    problem: &Problem,
-    spec: &Specification,
-    speeds: &[f64],
-    quiet: bool,
-) -> Result<Built, CliError> {
-    let steps = (speeds.len() * spec.models.len()) as u64;
-    let progress = Progress::new("trim and linear models", steps, quiet);
-    let built = build(problem, &spec.models, speeds, &|| progress.advance());
-    progress.finish();
-    built.map_err(|error| match error {
-        ModelsError::Vehicle { source, .. } => CliError::Vehicle(source),
-        other => usage(
-            other.to_string(),
-            "look at the trim by itself with `coaxdesign trim`, and choose the speeds of the \
-             specification within the aircraft's reach",
-        ),
-    })
-}
-
+/// A mistake of the user, and what to do about it.
 pub(super) fn usage(message: String, help: &str) -> CliError {
     CliError::Usage { message, help: help.into() }
-}
-
-pub(super) fn verify_error(error: &VerifyError) -> CliError {
-    usage(error.to_string(), "look at the models with `coaxdesign linearize`")
-}
-
-/// Blade controls of a problem.
-pub(super) fn blades(problem: &Problem) -> Vec<BladeControl> {
-    let c = &problem.controls;
-    let mut out = Vec::new();
-    for (k, (rotor, mix)) in problem.rotors.iter().zip(&c.mix).enumerate() {
-        let parts = [
-            ("collective", mix.theta_0, c.collective_limits[k]),
-            ("theta_1c", mix.theta_1c, c.cyclic_limits[k]),
-            ("theta_1s", mix.theta_1s, c.cyclic_limits[k]),
-        ];
-        for (i, (name, gain, limits)) in parts.into_iter().enumerate() {
-            out.push(BladeControl {
-                name: format!("{} {name}", rotor.name),
-                gain,
-                offset: mix.rigging[i],
-                limits,
-            });
-        }
-    }
-    out
-}
-
-/// The plants at some of the speeds of a set.
-fn subset(set: &ModelSet, speeds: &[f64]) -> ModelSet {
-    ModelSet {
-        models: set.models.clone(),
-        plants: set
-            .plants
-            .iter()
-            .filter(|p| speeds.iter().any(|v| (v - p[0].speed).abs() < 1e-6))
-            .cloned()
-            .collect(),
-    }
-}
-
-/// Breakpoints that trim, and the outermost speeds that do where these lie
-/// beyond: an end breakpoint that is left out would leave the law constant
-/// over speeds at which it is verified.
-fn with_ends(breakpoints: &[f64], trimmed: &[f64]) -> Vec<f64> {
-    let mut speeds: Vec<f64> = breakpoints
-        .iter()
-        .copied()
-        .filter(|b| trimmed.iter().any(|v| (v - b).abs() < 1e-6))
-        .collect();
-    let inside = |v: &&f64| {
-        breakpoints.first().is_some_and(|b| **v > *b)
-            && breakpoints.last().is_some_and(|b| **v < *b)
-    };
-    let ends = [trimmed.iter().find(inside), trimmed.iter().rfind(inside)];
-    let (low, high) = (speeds.first().copied(), speeds.last().copied());
-    if let (Some(low), Some(high)) = (low, high) {
-        speeds.extend(ends.into_iter().flatten().filter(|v| **v < low || **v > high));
-    }
-    speeds
-}
-
-/// Models of a problem at all speeds and at the breakpoints, and the design.
-pub(super) struct Tuned {
-    pub(super) built: Built,
-    nodes: ModelSet,
-    pub(super) design: Design,
-}
-
-/// From a problem and a specification to a design.
-pub(super) fn tune(
-    problem: &Problem,
-    spec: &Specification,
-    only: &[Channel],
-    quiet: bool,
-) -> Result<Tuned, CliError> {
-    let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
-    let built = plants(problem, spec, &speeds, quiet)?;
-    let nodes = subset(&built.set, &with_ends(&spec.speeds, &built.set.speeds()));
-    if nodes.plants.is_empty() {
-        return Err(usage(
-            "no model trims at any speed of the schedule".into(),
-            "look at the trim by itself with `coaxdesign trim`",
-        ));
-    }
-    let progress = Progress::new("tuning", 1, quiet);
-    let between: Vec<Plant> = built
-        .set
-        .plants
-        .iter()
-        .map(|p| p[0].clone())
-        .filter(|p| nodes.plants.iter().all(|n| (n[0].speed - p.speed).abs() > 1e-6))
-        .collect();
-    let design = design(spec, &nodes, &between, only);
-    progress.finish();
-    let design = design.map_err(|error| match error {
-        DesignError::Tuning(TuningError::Unstabilisable { .. }) => usage(
-            error.to_string(),
-            "no gains of this law's structure were found to stabilise it: less delay, or another \
-             speed range",
-        ),
-        DesignError::NoChannel => {
-            usage(error.to_string(), "name axes that the specification has a table for")
-        }
-        other => usage(other.to_string(), "look at the models with `coaxdesign linearize`"),
-    })?;
-    Ok(Tuned { built, nodes, design })
 }
 
 impl Tune {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let (spec, spec_text) = self.spec.load()?;
+        let requirements = self.spec.load()?;
         let system = self.units.system();
-        let paths = self.output.as_ref().map(|d| Paths::new(d, &spec, self.plot));
+        let paths =
+            self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
         if let Some(paths) = &paths {
             for path in paths.all() {
                 if path.exists() && !self.force {
@@ -275,31 +129,20 @@ impl Tune {
                 }
             }
         }
-        let problem = &loaded.problem;
-        let only: Vec<Channel> = self.axes.iter().map(|a| a.channel()).collect();
-        let Tuned { built, nodes, design } = tune(problem, &spec, &only, self.run.quiet)?;
-        let set = &built.set;
-        if !self.run.quiet {
-            eprintln!("{}", effort(&design.tuning.stats));
-        }
-        let verification = verify(&design.table, set, &spec.hardware, &spec)
-            .map_err(|error| verify_error(&error))?;
-        let limits = problem.controls.stick_limits;
-        let checks = authority(&design.table, &spec.hardware, &spec, &blades(problem), &limits);
-        let explanations =
-            self.explanations(&spec, &nodes, &design.table, &verification, &built.left_out)?;
-        let met = verification.passed && built.left_out.is_empty();
-
-        let provenance = Provenance {
-            generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
-            problem_hash: hash(loaded.sources.files().iter().map(|f| f.text.as_str())),
-            specification_hash: hash([spec_text.as_str()]),
+        let options = TuneOptions {
+            channels: self.axes.iter().map(|a| a.channel()).collect(),
+            explain_all: self.explain,
         };
-        let schedule =
-            Schedule::new(&problem.name, &design.table, spec.hardware, limits, met, provenance);
+        let watch = Watch::new(self.run.quiet);
+        let tuned = tune(&loaded, &requirements, &options, &watch)?;
+        let spec = &requirements.specification;
+        let Tuned { schedule, design, nodes, verified, explanations } = &tuned;
+        if !self.run.quiet {
+            output::note(&(effort(&design.tuning.stats) + "\n"));
+        }
+        let met = verified.met();
         let prices = &design.tuning.prices;
-        let json_text =
-            || verification_json(&verification, &checks, &explanations, prices, &built.left_out);
+        let json_text = || verification_text(verified, explanations, prices);
         if let Some(paths) = &paths {
             std::fs::create_dir_all(&paths.directory)
                 .map_err(|source| CliError::Io { path: paths.directory.clone(), source })?;
@@ -308,7 +151,8 @@ impl Tune {
             let text = json_text()?;
             output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
             if self.plot {
-                for (name, figure) in figures(&design.table, &nodes, &spec, &verification, system)?
+                for (name, figure) in
+                    figures(&design.table, nodes, spec, &verified.verification, system)?
                 {
                     let path = paths.directory.join(format!("{name}.svg"));
                     output::write_whole(&path, figure.to_svg().as_bytes(), self.force)?;
@@ -319,20 +163,22 @@ impl Tune {
             Format::Json => {
                 output::print(&json_text()?)?;
             }
-            Format::Csv => output::print(&rows_table(&verification, system, true).to_csv())?,
+            Format::Csv => {
+                output::print(&rows_table(&verified.verification, system, true).to_csv())?
+            }
             Format::Table => {
                 let coloring = Coloring::for_stdout();
-                let mut text = lag_text(&design, system);
+                let mut text = lag_text(design, system);
                 text += &gains_table(&design.table, system).to_text(coloring);
                 text.push('\n');
-                text += &report_text(&verification, system, coloring);
-                text += &authority_text(&checks, system);
+                text += &report_text(&verified.verification, system, coloring);
+                text += &authority_text(&verified.authority, system);
                 if self.explain {
                     text.push('\n');
                     text += &prices_table(prices, system).to_text(coloring);
                 }
-                text += &explanations_text(&explanations, system);
-                text += &left_out_text(&built.left_out, system);
+                text += &explanations_text(explanations, system);
+                text += &left_out_text(&verified.left_out, system);
                 if let Some(paths) = &paths {
                     text += &format!("Wrote {}.\n", paths.directory.display());
                 }
@@ -344,49 +190,6 @@ impl Tune {
             }
         }
         Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
-    }
-
-    /// Explains, for every axis, the nominal breakpoint with the least design
-    /// margin: always where a requirement is missed there, else on request.
-    fn explanations(
-        &self,
-        spec: &Specification,
-        nodes: &ModelSet,
-        table: &LawTable,
-        verification: &Verification,
-        _left_out: &[LeftOut],
-    ) -> Result<Vec<Explanation>, CliError> {
-        let mut out = Vec::new();
-        for requirement in &spec.channels {
-            let hardest = verification
-                .rows
-                .iter()
-                .filter(|r| {
-                    r.axis == requirement.channel.name()
-                        && r.class == ModelClass::Nominal
-                        && r.model == nodes.models[0].name
-                        && r.breakpoint
-                        && r.design_margin_percent.is_some()
-                })
-                .min_by(|a, b| {
-                    let m = |r: &coaxdesign::control::verify::Row| {
-                        r.design_margin_percent.unwrap_or(0.0)
-                    };
-                    m(a).total_cmp(&m(b))
-                });
-            let Some(row) = hardest else { continue };
-            if row.passed && !self.explain {
-                continue;
-            }
-            let plant = nodes.plants.iter().find(|p| (p[0].speed - row.speed_m_s).abs() < 1e-6);
-            let Some(plant) = plant else { continue };
-            let point = table.at(row.speed_m_s);
-            out.push(
-                explain(spec, &table.settings, &plant[0], &point, requirement)
-                    .map_err(|e| CliError::Internal(e.to_string()))?,
-            );
-        }
-        Ok(out)
     }
 }
 
@@ -423,9 +226,6 @@ impl Paths {
     }
 }
 
-/// Prices below this, %, are those of targets that do not bind.
-const PRICE_SHOWN: f64 = 5e-3;
-
 /// What the tuning took, for people.
 fn effort(s: &TuningStats) -> String {
     format!(
@@ -458,34 +258,14 @@ fn prices_table(prices: &[Price], system: System) -> Table {
     table
 }
 
-pub(super) fn verification_json(
-    verification: &Verification,
-    authority: &[Authority],
+/// `verification.json` as text.
+pub(super) fn verification_text(
+    verified: &Verified,
     explanations: &[Explanation],
     prices: &[Price],
-    left_out: &[LeftOut],
 ) -> Result<String, CliError> {
-    let mut value =
-        serde_json::to_value(verification).map_err(|e| CliError::Internal(e.to_string()))?;
-    value["authority"] = json!(authority);
-    value["explanations"] = json!(explanations);
-    value["prices"] = prices
-        .iter()
-        .filter(|p| p.percent.abs() >= PRICE_SHOWN)
-        .map(|p| {
-            json!({
-                "axis": p.channel.name(),
-                "speed_m_s": p.speed,
-                "target": p.target,
-                "tightening": p.target.unit_tightening().1,
-                "activity_percent": p.percent,
-            })
-        })
-        .collect();
-    value["left_out"] = left_out
-        .iter()
-        .map(|l| json!({ "model": l.model, "speed_m_s": l.speed, "reason": l.reason }))
-        .collect();
+    let value = verification_document(verified, explanations, prices)
+        .map_err(|e| CliError::Internal(e.to_string()))?;
     let text =
         serde_json::to_string_pretty(&value).map_err(|e| CliError::Internal(e.to_string()))?;
     Ok(text + "\n")
@@ -913,20 +693,4 @@ pub(super) fn figures(
         sensitivity_figure("Disturbance rejection, nominal model", &sensitivities),
     ));
     Ok(out)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::with_ends;
-
-    /// An end that does not trim is replaced by the outermost speed that does;
-    /// a breakpoint in the middle is not, nor one beyond the schedule.
-    #[test]
-    fn ends_that_do_not_trim_are_replaced() {
-        let breakpoints = [0.0, 10.0, 20.0];
-        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0, 20.0]), breakpoints);
-        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0]), [0.0, 10.0, 15.0]);
-        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 15.0, 20.0]), [0.0, 20.0]);
-        assert_eq!(with_ends(&breakpoints, &[0.0, 10.0, 30.0]), [0.0, 10.0]);
-    }
 }

@@ -10,11 +10,9 @@ use super::args::OutputArgs;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{self, Problem};
 use coaxdesign::report::table::{Cell, Column, Digits, Table};
-use coaxdesign::validation::hypotheses::{Figure, STUDIES, Study};
+use coaxdesign::studies::coax2d::PAGE;
+use coaxdesign::studies::coax2d::hypotheses::{Figure, STUDIES, Study};
 use coaxdesign::validation::{self, Bound, Claim};
-
-/// What the numbers mean, and what was tried on those that do not fit.
-const INTRODUCTION: &str = include_str!("validate.md");
 
 /// Compare with every number that the reference paper prints, as Markdown
 #[derive(Debug, Args)]
@@ -37,7 +35,7 @@ impl Validate {
 
 /// The comparison as Markdown.
 fn markdown() -> Result<String, CliError> {
-    let mut text = String::from(INTRODUCTION);
+    let mut text = String::from(PAGE);
     for study in &STUDIES {
         let place = format!("<!-- study: {} -->", study.name);
         if !text.contains(&place) {
@@ -57,7 +55,7 @@ fn markdown() -> Result<String, CliError> {
     text += control::CONTROL;
     for name in ["coax2d", "coax2d-physics"] {
         text += &format!("## Closed loop of `{name}`\n\n");
-        text += &control::closed_loop(&problem::builtin_named(name)?.problem, name == "coax2d")?;
+        text += &control::closed_loop(&problem::builtin_named(name)?, name == "coax2d")?;
     }
     Ok(text)
 }
@@ -173,8 +171,8 @@ mod tests {
     fn the_text_has_a_place_for_every_study_and_for_nothing_else() {
         for study in &STUDIES {
             let place = format!("<!-- study: {} -->", study.name);
-            assert_eq!(INTRODUCTION.matches(&place).count(), 1, "{}", study.name);
+            assert_eq!(PAGE.matches(&place).count(), 1, "{}", study.name);
         }
-        assert_eq!(INTRODUCTION.matches("<!--").count(), STUDIES.len());
+        assert_eq!(PAGE.matches("<!--").count(), STUDIES.len());
     }
 }

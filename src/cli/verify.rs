@@ -4,12 +4,10 @@ use clap::Args;
 use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
-use super::tune::{
-    SpecArgs, authority_text, blades, plants, report_text, rows_table, usage, verification_json,
-    verification_speeds, verify_error,
-};
+use super::tune::{SpecArgs, authority_text, report_text, rows_table, usage, verification_text};
+use super::watch::Watch;
 use super::{CliError, Outcome};
-use coaxdesign::control::verify::{authority, verify};
+use coaxdesign::pipeline::verify;
 use coaxdesign::report::table::Coloring;
 use coaxdesign::schedule::Schedule;
 
@@ -53,32 +51,20 @@ impl Verify {
             )
         };
         let schedule = Schedule::from_json(&text).map_err(not_usable)?;
-        let table = schedule.law().map_err(not_usable)?;
         let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let (spec, _) = self.spec.load()?;
+        let spec = self.spec.load()?.specification;
         let system = self.units.system();
-        let breakpoints: Vec<f64> = table.points().iter().map(|p| p.speed).collect();
-        let speeds = verification_speeds(&breakpoints, &spec.verify_speeds);
-        let built = plants(&loaded.problem, &spec, &speeds, self.run.quiet)?;
-        let verification = verify(&table, &built.set, &spec.hardware, &spec)
-            .map_err(|error| verify_error(&error))?;
-        let checks = authority(
-            &table,
-            &spec.hardware,
-            &spec,
-            &blades(&loaded.problem),
-            &schedule.stick_limits,
-        );
+        let watch = Watch::new(self.run.quiet);
+        let verified = verify(&schedule, &loaded.problem, &spec, &watch)?;
         let text = match self.format.format {
-            Format::Json => verification_json(&verification, &checks, &[], &[], &built.left_out)?,
-            Format::Csv => rows_table(&verification, system, true).to_csv(),
+            Format::Json => verification_text(&verified, &[], &[])?,
+            Format::Csv => rows_table(&verified.verification, system, true).to_csv(),
             Format::Table => {
-                report_text(&verification, system, Coloring::for_stdout())
-                    + &authority_text(&checks, system)
+                report_text(&verified.verification, system, Coloring::for_stdout())
+                    + &authority_text(&verified.authority, system)
             }
         };
         self.output.write(&text)?;
-        let met = verification.passed && built.left_out.is_empty();
-        Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
+        Ok(if verified.met() { Outcome::Done } else { Outcome::GoalMissed })
     }
 }

@@ -1,58 +1,27 @@
-//! The control law: one definition for tuning, simulation and export.
+//! The control law over speed, and the controller that flies it.
 //!
-//! ```text
-//! δ = δ_trim + B_d⁻¹ (ν_c − F x_ref) + M (ν_e − F_κ (x − x_ref)),   F_κ = F_att + κ F_uvw
-//! ν_c = φ_ref'',   ν_e = K_D (φ'_ref(t − τ) − φ') + K_P (φ_ref(t − τ) − φ) + K_I ∫(φ_ref(t − τ) − φ)
-//! ```
-//!
-//! and in the same way for θ; for r and V_z (down positive) one derivative
-//! less. With M = B_d⁻¹ this is the partial inversion B_d⁻¹ (ν − F_att x −
-//! κ F_uvw x − (1 − κ) F_uvw x_ref); see [`Inversion`] for why feedback has an
-//! allocation of its own. Without the hybrid feed-forward x_ref is zero. x is
-//! the deviation from the trim at the scheduled speed. Around it the
-//! translational rate command of the reference paper's Fig. 11:
-//!
-//! ```text
-//! θ_c = θ_trim − a_x/G_θ − (K_P e_x + K_I ∫e_x)/g
-//! φ_c = φ_trim + a_y/G_φ + atan(V_x ψ'_c/g) + (K_P e_y + K_I ∫e_y)/g
-//! ```
-//!
-//! with e the error of ground velocity in heading axes and a the acceleration
-//! of its reference: a first-order lag of the command. G is the acceleration
-//! per attitude of the inverted model at constant height, g in hover; at speed
-//! pitching also turns the rotors' drag, and G_θ is up to twice as large. What the aircraft can
-//! do of it is that lag seen through the attitude command model and the
-//! reference delay; e is measured against that. V_x ψ'_c is what it takes to
-//! hold V_y while the heading axes turn. Eq. 75 is a blend b(V) that rises
-//! smoothly from 0 to 1 around the turn-coordination speed:
-//! φ_c' = (1 − b) φ_c + b (φ_trim + atan(V ψ'_c/g)). It hands over from one to
-//! the other without a step, because both ask for the same bank. So that yaw
-//! and bank go into a turn together, the yaw command is led through the
-//! attitude command model as the speed nears half the turn-coordination speed,
-//! and its own lag is made up for.
-//!
-//! Under a velocity command the schedule is read at the speed of the
-//! reference, not of the aircraft. Read at the speed that is flown, the trim
-//! attitude and sticks would change with every gust and close a loop that the
-//! gains do not know of.
+//! [`LawTable`] holds the numbers of the law, breakpoint by breakpoint. Its
+//! formulas stand in [`crate::law::mdi`], as a block diagram;
+//! [`LawTable::diagram`] makes it, and stepping, linearisation and every export
+//! read it. [`LawTable::at`] is what the tuning looks at;
+//! [`LawTable::linear`] is the law for small deviations, what the verification
+//! looks at; [`Controller`] steps it.
 //!
 //! Away from the schedule's trims two things change that no table over speed
 //! holds, [`OffTrim`]: the pedals' power over yaw grows with the collective,
 //! and the pitching moment of rotor lift grows with the tail's load. Both laws
 //! of growth are read off the table itself.
-//!
-//! Everything that depends on speed is read from a table by linear
-//! interpolation, and held constant beyond its ends. [`LawTable::at`] is what
-//! the tuning and the verification look at; [`Controller::step`] is the same
-//! law in discrete time, nonlinear in kinematics.
 
-use super::axis::{Axis, Channel, Effector, Gain, GainSet};
-use super::loops::LawSettings;
+use super::axis::{Axis, Channel, Effector, GainSet};
 use super::plant::{Inversion, rigid};
-use super::spec::TurnCoordination;
-use crate::units::STANDARD_GRAVITY as GRAVITY;
-use nalgebra::{SVector, Vector4};
-use std::collections::VecDeque;
+use crate::law::mdi::{self, Choices, MONITORS};
+use crate::law::{Breakpoints, Diagram, LinearLaw, Memory, Program};
+use std::sync::Arc;
+
+pub use crate::law::mdi::{
+    ACCELERATION_LIMIT, ATTITUDE_LIMIT, FORGETTING, LawSettings, OUTER_SLOWNESS, OffTrim,
+    PEDAL_POWER_RANGE, SCHEDULE_LEAD, SLOW, TurnCoordination, YAW_LEAD,
+};
 
 /// The law at one speed.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,68 +46,31 @@ pub struct LawTable {
     off_trim: OffTrim,
 }
 
-/// How the sticks' powers change away from the trims of the schedule.
-///
-/// A rotor's torque is nearly a parabola in its collective. So what pedals do
-/// that move the rotors' collectives apart grows in proportion to the
-/// collective they start from, and an aircraft that climbs or accelerates has
-/// more of it than in level flight. The thrust of the rotors balances the
-/// tail's load about the centre of gravity, hence the arm of that thrust, and
-/// with it the pitching moment of collective and pedals, grows with the load,
-/// as u w does. Both show in the schedule, because collective and u w also
-/// change with speed: these are least-squares slopes over its breakpoints,
-/// and zero where the breakpoints lie on no line.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct OffTrim {
-    /// Growth of the yaw acceleration per pedal with collective,
-    /// rad/s² per % per %.
-    pub pedal_yaw: f64,
-    /// Growth of the pitch acceleration per collective with u w,
-    /// rad/s² per % per m²/s².
-    pub collective_pitch: f64,
-    /// Growth of the pitch acceleration per pedal with u w,
-    /// rad/s² per % per m²/s².
-    pub pedal_pitch: f64,
-}
-
 /// Fewest breakpoints that show a line.
 pub const LEAST_BREAKPOINTS: usize = 4;
 /// Least share of the variance over the breakpoints that a line must explain.
 pub const LEAST_EXPLAINED: f64 = 0.95;
 /// Least variance of the abscissas, over their mean square.
 pub const LEAST_SPREAD: f64 = 1e-6;
-/// How far the pedals' power may be taken to differ from that at the trim.
-pub const PEDAL_POWER_RANGE: [f64; 2] = [0.4, 4.0];
 
-impl OffTrim {
-    /// The slopes over the breakpoints of a table.
-    fn of(points: &[LawPoint]) -> Self {
-        let (yaw, pitch) = (Axis::Yaw.index(), Axis::Pitch.index());
-        let (collective, pedal) = (Effector::Collective.index(), Effector::Pedal.index());
-        let mut powers = Vec::with_capacity(points.len());
-        for p in points {
-            let Some(power) = p.inversion.decoupling.try_inverse() else {
-                return Self::default();
-            };
-            let [u, _, w] = p.inversion.trim.velocity_body;
-            powers.push((p.inversion.trim.sticks[collective], u * w, power));
-        }
-        let pitching = |stick: usize| {
-            slope(powers.iter().map(|(_, load, power)| (*load, power[(pitch, stick)])))
+/// The slopes over the breakpoints of a table.
+fn off_trim_of(points: &[LawPoint]) -> OffTrim {
+    let (yaw, pitch) = (Axis::Yaw.index(), Axis::Pitch.index());
+    let (collective, pedal) = (Effector::Collective.index(), Effector::Pedal.index());
+    let mut powers = Vec::with_capacity(points.len());
+    for p in points {
+        let Some(power) = p.inversion.decoupling.try_inverse() else {
+            return OffTrim::default();
         };
-        Self {
-            pedal_yaw: slope(powers.iter().map(|(col, _, power)| (*col, power[(yaw, pedal)]))),
-            collective_pitch: pitching(collective),
-            pedal_pitch: pitching(pedal),
-        }
+        let [u, _, w] = p.inversion.trim.velocity_body;
+        powers.push((p.inversion.trim.sticks[collective], u * w, power));
     }
-
-    /// Power of the pedals over yaw, relative to the trim's, at a change of
-    /// collective from it, %.
-    fn pedal_power(&self, inv: &Inversion, collective: f64) -> f64 {
-        let per_power = inv.decoupling[(Effector::Pedal.index(), Axis::Yaw.index())];
-        let [low, high] = PEDAL_POWER_RANGE;
-        (1.0 + self.pedal_yaw * per_power * collective).clamp(low, high)
+    let pitching =
+        |stick: usize| slope(powers.iter().map(|(_, load, power)| (*load, power[(pitch, stick)])));
+    OffTrim {
+        pedal_yaw: slope(powers.iter().map(|(col, _, power)| (*col, power[(yaw, pedal)]))),
+        collective_pitch: pitching(collective),
+        pedal_pitch: pitching(pedal),
     }
 }
 
@@ -206,7 +138,7 @@ impl LawTable {
                 return Err(LawError::NotFinite(p.speed));
             }
         }
-        let off_trim = OffTrim::of(&points);
+        let off_trim = off_trim_of(&points);
         Ok(Self { points, settings, turn, off_trim })
     }
 
@@ -242,8 +174,107 @@ impl LawTable {
     /// Weight of turn coordination in Eq. 75 at a speed: 0 below the blend, 1
     /// above, a cubic with flat ends between.
     pub fn turn_blend(&self, speed: f64) -> f64 {
-        let t = ((speed - self.turn.speed) / self.turn.width + 0.5).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
+        let diagram = self.diagram(0.0, [[0.0, 1.0]; 4], false, false).only(&["turn_blend"]);
+        let program = Program::new(&diagram, &self.breakpoints());
+        let mut memory = program.memory();
+        program.run(&mut memory, &[speed]);
+        program.output(&memory, 0)
+    }
+}
+
+impl LawTable {
+    /// The numbers of the law in the flat order of [`crate::law::tables`].
+    pub fn breakpoints(&self) -> Breakpoints {
+        Breakpoints {
+            speeds: self.points.iter().map(|p| p.speed).collect(),
+            values: self.points.iter().map(LawPoint::flat).collect(),
+        }
+    }
+
+    /// The law as a diagram that steps every `step` s within stick limits, %:
+    /// with a step of zero, in the limit of a short step.
+    ///
+    /// `ports` adds the inputs of [`mdi::PORTS`], `engage` those of
+    /// [`mdi::ENGAGEMENT`].
+    pub fn diagram(&self, step: f64, limits: [[f64; 2]; 4], ports: bool, engage: bool) -> Diagram {
+        let late = self.settings.reference_delay;
+        let delay_steps = if step > 0.0 {
+            mdi::delay_steps(&self.settings, step)
+        } else {
+            usize::from(late > 0.0)
+        };
+        let choices = Choices {
+            settings: self.settings,
+            turn: self.turn,
+            off_trim: self.off_trim,
+            limits,
+            step,
+            delay_steps,
+            ports,
+            engage,
+        };
+        mdi::diagram(&choices).pruned()
+    }
+
+    /// The law for small deviations about trimmed flight at a speed, in the
+    /// limit of a short step: inner loops alone under an attitude demand, with
+    /// the outer loops under a velocity demand. It has the inputs of
+    /// [`mdi::PORTS`]; its delay lines are [`LawSettings::reference_delay`]
+    /// long.
+    pub fn linear(&self, speed: f64, velocity_mode: bool) -> LinearLaw {
+        // Limits do not bound what is infinitely small.
+        let limits = [[f64::MIN, f64::MAX]; 4];
+        let diagram = self.diagram(0.0, limits, true, false);
+        let tables = self.breakpoints();
+        let program = Program::new(&diagram, &tables);
+        let mut memory = program.memory();
+        let trim = self.at(speed).inversion.trim;
+        let mut measured = Measurement {
+            velocity_body: trim.velocity_body,
+            rates: [0.0; 3],
+            roll: trim.roll,
+            pitch: trim.pitch,
+            airspeed: speed,
+        };
+        let (vertical, [forward, right]) = earth_velocity(&measured);
+        // In still air.
+        measured.airspeed = forward;
+        let horizontal = if velocity_mode {
+            Horizontal::Velocity { forward, right }
+        } else {
+            Horizontal::Attitude { roll: trim.roll, pitch: trim.pitch }
+        };
+        let demand = Demand { horizontal, heading_rate: 0.0, vertical_velocity: vertical };
+        let mut inputs = vec![0.0; program.input_count()];
+        inputs[..INPUTS].copy_from_slice(&numbers(&measured, &demand));
+        program.run(&mut memory, &inputs);
+        program.hold(&mut memory);
+        program.run(&mut memory, &inputs);
+        LinearLaw::new(&diagram, &tables, &program, &memory)
+    }
+}
+
+impl LawPoint {
+    /// The numbers of the law at this speed in the flat order of
+    /// [`crate::law::tables`].
+    pub fn flat(&self) -> Vec<f64> {
+        let i = &self.inversion;
+        let mut out: Vec<f64> =
+            Channel::ALL.iter().flat_map(|c| self.gains[c.index()].array()).collect();
+        out.extend(i.trim.velocity_body);
+        out.extend([i.trim.roll, i.trim.pitch]);
+        out.extend(i.trim.sticks);
+        // nalgebra iterates by columns.
+        let r = &i.reference;
+        out.extend(i.feedback.transpose().iter());
+        out.extend(i.decoupling.transpose().iter());
+        out.extend(i.allocation.transpose().iter());
+        out.extend(r.state.transpose().iter());
+        out.extend(r.input.transpose().iter());
+        out.extend(r.dynamics.transpose().iter());
+        out.extend(r.drive.transpose().iter());
+        out.extend(i.ground_velocity.transpose().iter());
+        out
     }
 }
 
@@ -330,32 +361,6 @@ pub enum Horizontal {
     },
 }
 
-/// Largest attitudes that the outer loop may command, rad.
-pub const ATTITUDE_LIMIT: f64 = 35.0 * std::f64::consts::PI / 180.0;
-/// How much slower velocity references are than attitude references: their
-/// time constant is this over the natural frequency.
-pub const OUTER_SLOWNESS: f64 = 4.0;
-/// Largest horizontal acceleration of a velocity reference, m/s².
-pub const ACCELERATION_LIMIT: f64 = 0.35 * GRAVITY;
-/// Farthest that the speed of the schedule may lie from the speed that is
-/// flown, m/s.
-pub const SCHEDULE_LEAD: f64 = 5.0;
-/// The yaw command is led in full from the turn-coordination speed over this.
-pub const YAW_LEAD: f64 = 2.0;
-/// Forward speed below which rolling asks for no yaw, m/s.
-pub const SLOW: f64 = 5.0;
-/// Time constant with which the lateral velocity integral is forgotten where
-/// turn coordination has taken over, s.
-pub const FORGETTING: f64 = 1.0;
-
-/// A reference: value and derivatives.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Reference {
-    value: f64,
-    rate: f64,
-    acceleration: f64,
-}
-
 /// What the law steers to at a step: the references as they enter the errors,
 /// delayed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -377,61 +382,79 @@ pub struct References {
     pub velocity_lag: Option<[f64; 2]>,
 }
 
-/// Places in the history of references.
-const REFERENCES: usize = 6;
-/// Where the velocities begin there.
-const VELOCITY: usize = 4;
+/// Measurements and demands.
+const INPUTS: usize = mdi::MEASUREMENTS.len() + mdi::DEMANDS.len();
+/// Where what the law is engaged with begins among the inputs, and the ports.
+const ENGAGEMENT: usize = INPUTS;
+const PORTS: usize = ENGAGEMENT + mdi::ENGAGEMENT.len();
+
+/// Inputs of the diagram.
+fn numbers(m: &Measurement, demand: &Demand) -> [f64; INPUTS] {
+    let [u, v, w] = m.velocity_body;
+    let [p, q, r] = m.rates;
+    let (mode, first, second) = match demand.horizontal {
+        Horizontal::Attitude { roll, pitch } => (0.0, roll, pitch),
+        Horizontal::Velocity { forward, right } => (1.0, forward, right),
+    };
+    let Demand { heading_rate, vertical_velocity, .. } = *demand;
+    [
+        u,
+        v,
+        w,
+        p,
+        q,
+        r,
+        m.roll,
+        m.pitch,
+        m.airspeed,
+        mode,
+        first,
+        second,
+        heading_rate,
+        vertical_velocity,
+    ]
+}
+
+/// Place of a monitor.
+const fn monitor(name: &str) -> usize {
+    let mut k = 0;
+    while k < MONITORS.len() {
+        let (a, b) = (MONITORS[k].as_bytes(), name.as_bytes());
+        let mut same = a.len() == b.len();
+        let mut j = 0;
+        while same && j < a.len() {
+            same = a[j] == b[j];
+            j += 1;
+        }
+        if same {
+            return k;
+        }
+        k += 1;
+    }
+    panic!("there is no such monitor")
+}
 
 /// The law with its memory, stepping at a fixed interval.
 #[derive(Debug, Clone)]
 pub struct Controller {
-    table: LawTable,
-    step: f64,
-    stick_limits: [[f64; 2]; 4],
-    started: bool,
-    /// Bank, pitch, yaw rate, vertical velocity; then what can be done of the
-    /// horizontal velocities.
-    references: [Reference; REFERENCES],
-    /// Horizontal velocities as lags of their commands.
-    velocity_commands: [f64; 2],
-    /// Rate of turn as bank can follow it.
-    turn: Reference,
-    /// Whether the last step was under a velocity command.
+    table: Arc<LawTable>,
+    program: Arc<Program>,
+    memory: Memory,
     velocity_mode: bool,
-    /// Weight of turn coordination at the last step.
-    blend: f64,
-    /// Values and rates of the references of the last τ.
-    history: VecDeque<[[f64; 2]; REFERENCES]>,
-    integrals: [f64; 4],
-    velocity_integrals: [f64; 2],
-    /// Horizontal velocity deviations of the reference model.
-    model: [f64; 2],
-    /// Trim velocities u, v at the last step.
-    trim_velocity: [f64; 2],
-    sticks: [f64; 4],
-    disturbance: [f64; 4],
+    inputs: [f64; PORTS + mdi::PORTS.len()],
 }
 
 impl Controller {
     /// A controller that steps every `step` s within stick limits, %.
     pub fn new(table: LawTable, step: f64, stick_limits: [[f64; 2]; 4]) -> Self {
+        let diagram = table.diagram(step, stick_limits, true, true);
+        let program = Program::new(&diagram, &table.breakpoints());
         Self {
-            table,
-            step,
-            stick_limits,
-            started: false,
-            references: [Reference::default(); REFERENCES],
-            velocity_commands: [0.0; 2],
-            turn: Reference::default(),
+            memory: program.memory(),
+            program: Arc::new(program),
+            table: Arc::new(table),
             velocity_mode: false,
-            blend: 0.0,
-            history: VecDeque::new(),
-            integrals: [0.0; 4],
-            velocity_integrals: [0.0; 2],
-            model: [0.0; 2],
-            trim_velocity: [0.0; 2],
-            sticks: [0.0; 4],
-            disturbance: [0.0; 4],
+            inputs: [0.0; PORTS + mdi::PORTS.len()],
         }
     }
 
@@ -441,7 +464,7 @@ impl Controller {
     /// reached through [`Measurement`]. A port for measurements; it stays until
     /// it is set again.
     pub fn disturb(&mut self, outputs: [f64; 4]) {
-        self.disturbance = outputs;
+        self.inputs[PORTS..PORTS + 4].copy_from_slice(&outputs);
     }
 
     /// The table.
@@ -449,26 +472,9 @@ impl Controller {
         &self.table
     }
 
-    /// Starts from a measurement without a transient: references at what is
-    /// measured, integrals at zero.
-    fn start(&mut self, m: &Measurement, p: &LawPoint, vertical: f64, ground: [f64; 2]) {
-        let value = |value: f64| Reference { value, ..Reference::default() };
-        self.references = [m.roll, m.pitch, m.rates[2], vertical, ground[0], ground[1]].map(value);
-        self.velocity_commands = ground;
-        let across = m.rates[1] * m.roll.sin() + m.rates[2] * m.roll.cos();
-        self.turn = value(across / m.pitch.cos());
-        let now = self.references.map(|r| [r.value, r.rate]);
-        let length = (self.table.settings.reference_delay / self.step).round() as usize;
-        self.history = std::iter::repeat_n(now, length + 1).collect();
-        let trim = p.inversion.trim.velocity_body;
-        self.trim_velocity = [trim[0], trim[1]];
-        let wind = m.airspeed - ground[0];
-        let (sp, (st, ct)) = (m.roll.sin(), m.pitch.sin_cos());
-        let [u, v, _] = m.velocity_body;
-        self.model = [u + wind * ct - trim[0], v + wind * st * sp - trim[1]];
-        self.integrals = [0.0; 4];
-        self.velocity_integrals = [0.0; 2];
-        self.started = true;
+    fn set(&mut self, m: &Measurement, demand: &Demand) {
+        self.inputs[..INPUTS].copy_from_slice(&numbers(m, demand));
+        self.velocity_mode = matches!(demand.horizontal, Horizontal::Velocity { .. });
     }
 
     /// Starts from a measurement with given sticks, %, and without a
@@ -486,72 +492,28 @@ impl Controller {
         finite("a stick", &sticks)?;
         m.checked()?;
         demand.checked()?;
-        self.started = false;
-        let mut trial = self.clone();
-        let own = trial.step(m, demand)?;
-        // Now started, with the integrals still at zero.
-        let p = self.table.at(m.airspeed);
-        let (vertical, ground) = earth_velocity(m);
-        self.start(m, &p, vertical, ground);
-        let trim = p.inversion.trim;
-        if let Horizontal::Velocity { .. } = demand.horizontal {
-            self.velocity_mode = true;
-            let attitude = [trim.pitch - m.pitch, m.roll - trim.roll];
-            for (k, channel) in [Channel::Vx, Channel::Vy].into_iter().enumerate() {
-                let k_i = p.gains[channel.index()].k_i;
-                if k_i > 0.0 {
-                    self.velocity_integrals[k] = GRAVITY * attitude[k] / k_i;
-                }
-            }
-            // The attitude now asked for is the one flown.
-            let mut again = self.clone();
-            let own = again.step(m, demand)?;
-            self.load_integrals(&p, own, sticks);
-        } else {
-            self.load_integrals(&p, own, sticks);
-        }
+        self.memory = self.program.memory();
+        self.set(m, demand);
+        self.inputs[ENGAGEMENT] = 1.0;
+        self.inputs[ENGAGEMENT + 1..PORTS].copy_from_slice(&sticks);
+        self.program.run(&mut self.memory, &self.inputs);
+        self.program.hold(&mut self.memory);
+        self.inputs[ENGAGEMENT] = 0.0;
         Ok(())
-    }
-
-    /// Sets the integrals so that the sticks move from `own` to `sticks`.
-    fn load_integrals(&mut self, p: &LawPoint, own: [f64; 4], sticks: [f64; 4]) {
-        let Some(forward) = p.inversion.allocation.try_inverse() else {
-            return;
-        };
-        // Pedals as the inversion asks for them, at the trim's power.
-        let (col, ped) = (Effector::Collective.index(), Effector::Pedal.index());
-        let (trim, off_trim) = (p.inversion.trim.sticks, self.table.off_trim);
-        let asked = |sticks: [f64; 4]| {
-            let power = off_trim.pedal_power(&p.inversion, sticks[col] - trim[col]);
-            (sticks[ped] - trim[ped]) * power
-        };
-        let pedal = asked(sticks) - asked(own);
-        let lacking =
-            forward * Vector4::from_fn(|j, _| if j == ped { pedal } else { sticks[j] - own[j] });
-        for axis in Axis::ALL {
-            let i = axis.index();
-            let k_i = p.gains[Channel::from(axis).index()].k_i;
-            if k_i > 0.0 {
-                self.integrals[i] = lacking[i] / k_i;
-            }
-        }
     }
 
     /// What the last step steered to. Where turn coordination has the bank, the
     /// velocity to the right is that of flight without v: −w sin φ.
     pub fn references(&self) -> References {
-        let now = self.history.front().copied().unwrap_or_default();
-        let (sp, cp) = now[1][0].sin_cos();
-        let lifted = now[VELOCITY][0] * sp + now[3][0] * cp;
-        let coordinated = -lifted * now[0][0].tan();
-        let right = (1.0 - self.blend) * now[VELOCITY + 1][0] + self.blend * coordinated;
+        let seen = |k: usize| self.program.monitor(&self.memory, k);
+        let velocity = |names: [usize; 2]| self.velocity_mode.then(|| names.map(seen));
         References {
-            roll: now[0][0],
-            pitch: now[1][0],
-            yaw_rate: now[2][0],
-            vertical_velocity: now[3][0],
-            velocity: self.velocity_mode.then_some([now[VELOCITY][0], right]),
-            velocity_lag: self.velocity_mode.then_some(self.velocity_commands),
+            roll: seen(const { monitor("delayed_phi") }),
+            pitch: seen(const { monitor("delayed_theta") }),
+            yaw_rate: seen(const { monitor("delayed_r") }),
+            vertical_velocity: seen(const { monitor("delayed_v_z") }),
+            velocity: velocity(const { [monitor("due_v_x"), monitor("shown_v_y")] }),
+            velocity_lag: velocity(const { [monitor("v_x_command"), monitor("v_y_command")] }),
         }
     }
 
@@ -563,281 +525,18 @@ impl Controller {
     pub fn step(&mut self, m: &Measurement, demand: &Demand) -> Result<[f64; 4], NotFinite> {
         m.checked()?;
         demand.checked()?;
-        let settings = self.table.settings;
-        let (vertical, ground) = earth_velocity(m);
-        let [forward, right] = ground;
-        let [u, v, w] = m.velocity_body;
-        let ((sp, cp), (st, ct)) = (m.roll.sin_cos(), m.pitch.sin_cos());
-        if !self.started {
-            let p = self.table.at(m.airspeed);
-            self.start(m, &p, vertical, ground);
-        }
-        let dt = self.step;
-        let velocity_mode = matches!(demand.horizontal, Horizontal::Velocity { .. });
-        if velocity_mode && !self.velocity_mode {
-            self.velocity_commands = ground;
-            for (k, value) in ground.into_iter().enumerate() {
-                self.references[VELOCITY + k] = Reference { value, ..Reference::default() };
-                for past in &mut self.history {
-                    past[VELOCITY + k] = [value, 0.0];
-                }
-            }
-            self.velocity_integrals = [0.0; 2];
-        }
-        self.velocity_mode = velocity_mode;
-        // The reference that is now at the end of its delay.
-        let due = self.history.get(1).or(self.history.front()).copied().unwrap_or_default();
-        let lead = if velocity_mode {
-            (due[VELOCITY][0] - forward).clamp(-SCHEDULE_LEAD, SCHEDULE_LEAD)
-        } else {
-            0.0
-        };
-        let p = self.table.at((m.airspeed + lead).max(0.0));
-        let inv = &p.inversion;
-        let trim = inv.trim;
-        let off_trim = self.table.off_trim;
-
-        // Outer loop and Eq. 75.
-        let blend = self.table.turn_blend(m.airspeed);
-        self.blend = blend;
-        let coordinated = (m.airspeed * demand.heading_rate / GRAVITY).atan();
-        let frequencies = [settings.pitch_frequency, settings.roll_frequency];
-        let (roll_command, pitch_command) = match demand.horizontal {
-            Horizontal::Attitude { roll, pitch } => (roll, pitch),
-            Horizontal::Velocity { forward: vx, right: vy } => {
-                let commands = [vx, vy];
-                let acceleration: [f64; 2] = std::array::from_fn(|k| {
-                    ((commands[k] - self.velocity_commands[k]) * frequencies[k] / OUTER_SLOWNESS)
-                        .clamp(-ACCELERATION_LIMIT, ACCELERATION_LIMIT)
-                });
-                for (velocity, acceleration) in self.velocity_commands.iter_mut().zip(acceleration)
-                {
-                    *velocity += dt * acceleration;
-                }
-                let errors = [due[VELOCITY][0] - forward, due[VELOCITY + 1][0] - right];
-                let gains = [p.gains[Channel::Vx.index()], p.gains[Channel::Vy.index()]];
-                // Heading axes turn: holding V_y takes V_x ψ' of acceleration.
-                let turning =
-                    [0.0, (self.velocity_commands[0] * demand.heading_rate / GRAVITY).atan()];
-                let per_attitude = acceleration_per_attitude(inv);
-                let raw: [f64; 2] = std::array::from_fn(|k| {
-                    acceleration[k] / per_attitude[k]
-                        + (gains[k].k_p * errors[k] + gains[k].k_i * self.velocity_integrals[k])
-                            / GRAVITY
-                        + turning[k]
-                });
-                // Where turn coordination has the bank, the lateral integral
-                // has nothing to do and is forgotten.
-                let share = [1.0, 1.0 - blend];
-                for (k, share) in share.into_iter().enumerate() {
-                    // Anti-windup: hold while the attitude limit is reached.
-                    let outward = raw[k].abs() > ATTITUDE_LIMIT && raw[k] * errors[k] > 0.0;
-                    if !outward {
-                        self.velocity_integrals[k] += dt * share * errors[k];
-                    }
-                    self.velocity_integrals[k] *= 1.0 - dt * (1.0 - share) / FORGETTING;
-                }
-                let limited = raw.map(|r| r.clamp(-ATTITUDE_LIMIT, ATTITUDE_LIMIT));
-                (trim.roll + limited[1], trim.pitch - limited[0])
-            }
-        };
-        let roll_command = (1.0 - blend) * roll_command + blend * (trim.roll + coordinated);
-
-        // Command models.
-        let attitude = |r: &mut Reference, command: f64, wn: f64| {
-            r.acceleration =
-                wn * wn * (command - r.value) - 2.0 * settings.attitude_damping * wn * r.rate;
-            r.rate += dt * r.acceleration;
-            r.value += dt * r.rate;
-        };
-        attitude(&mut self.references[0], roll_command, settings.roll_frequency);
-        attitude(&mut self.references[1], pitch_command, settings.pitch_frequency);
-        if velocity_mode {
-            // What the aircraft can do of a velocity: the attitude command
-            // model stands between.
-            for (k, frequency) in frequencies.into_iter().enumerate() {
-                let command = self.velocity_commands[k];
-                attitude(&mut self.references[VELOCITY + k], command, frequency);
-            }
-        }
-        // The heading turns no sooner than the bank that must go with it.
-        attitude(&mut self.turn, demand.heading_rate, settings.roll_frequency);
-        let together = (YAW_LEAD * m.airspeed / self.table.turn.speed).clamp(0.0, 1.0);
-        let led = self.turn.value + settings.yaw_time_constant * self.turn.rate;
-        let heading_rate = (1.0 - together) * demand.heading_rate + together * led;
-        // In a coordinated turn the aircraft rolls about its flight path: to
-        // keep v at zero, rolling with w asks for yaw, p w = r u.
-        let slope = if trim.velocity_body[0] > SLOW {
-            blend * trim.velocity_body[2] / trim.velocity_body[0]
-        } else {
-            0.0
-        };
-        let bank = self.references[0];
-        let rolling = slope * (bank.rate + settings.yaw_time_constant * bank.acceleration);
-        // Heading rate to body yaw rate, at the attitude flown.
-        let yaw_command = heading_rate * cp * ct + rolling;
-        let lag = |r: &mut Reference, command: f64, time_constant: f64| {
-            r.rate = (command - r.value) / time_constant;
-            r.value += dt * r.rate;
-        };
-        lag(&mut self.references[2], yaw_command, settings.yaw_time_constant);
-        lag(&mut self.references[3], demand.vertical_velocity, settings.heave_time_constant);
-        self.history.push_back(self.references.map(|r| [r.value, r.rate]));
-        while self.history.len() > (settings.reference_delay / dt).round() as usize + 1 {
-            self.history.pop_front();
-        }
-        let delayed = self.history.front().copied().unwrap_or_default();
-
-        // ν_c and ν_e.
-        let feed = [
-            self.references[0].acceleration,
-            self.references[1].acceleration,
-            self.references[2].rate,
-            self.references[3].rate,
-        ];
-        let measured = [m.roll, m.pitch, m.rates[2], vertical];
-        // Euler rates of bank and pitch.
-        let measured_rate = [
-            m.rates[0] + st / ct * (m.rates[1] * sp + m.rates[2] * cp),
-            m.rates[1] * cp - m.rates[2] * sp,
-        ];
-        let mut errors: [f64; 4] = std::array::from_fn(|i| delayed[i][0] - measured[i]);
-        let mut commanded = Vector4::from_column_slice(&feed);
-        let mut nu = Vector4::<f64>::zeros();
-        for axis in Axis::ALL {
-            let i = axis.index();
-            let channel = Channel::from(axis);
-            let k = p.gains[channel.index()];
-            if channel.holds(Gain::Proportional) {
-                errors[i] -= self.disturbance[i];
-            } else {
-                // What is held is the integral of the output.
-                nu[i] -= k.k_i * self.disturbance[i];
-            }
-            nu[i] += k.k_p * errors[i] + k.k_i * self.integrals[i];
-            if i < 2 {
-                nu[i] += k.k_d * (delayed[i][1] - measured_rate[i]);
-            }
-        }
-
-        // Inversion.
-        let tv = trim.velocity_body;
-        // Through the air as far as it is known: the forward airspeed is.
-        let wind = m.airspeed - forward;
-        let air = [u + wind * ct, v + wind * st * sp, w + wind * st * cp];
-        let x = SVector::<f64, 8>::from_column_slice(&[
-            air[0] - tv[0],
-            air[1] - tv[1],
-            air[2] - tv[2],
-            m.rates[0],
-            m.rates[1],
-            m.rates[2],
-            m.roll - trim.roll,
-            m.pitch - trim.pitch,
-        ]);
-        let (velocity, attitude_part) = inv.split_feedback();
-        let f_kappa = attitude_part + velocity * settings.kappa;
-        nu -= f_kappa * x;
-        // The reference model's deviation is from the trim at the scheduled
-        // speed: when that moves, the deviation moves the other way.
-        for ((model, old), new) in self.model.iter_mut().zip(&self.trim_velocity).zip(tv.iter()) {
-            *model -= new - old;
-        }
-        self.trim_velocity[..2].copy_from_slice(&[tv[0], tv[1]]);
-        let rho = SVector::<f64, 6>::from_column_slice(&[
-            self.references[0].value - trim.roll,
-            self.references[1].value - trim.pitch,
-            self.references[0].rate,
-            self.references[1].rate,
-            self.references[2].value,
-            self.references[3].value,
-        ]);
-        let z = SVector::<f64, 2>::from_column_slice(&self.model);
-        let mut ideal = inv.reference.state * z + inv.reference.input * rho;
-        // Exact kinematics: in a turn the aircraft also pitches and rolls.
-        let to = |k: usize| self.references[k].value;
-        let ((sr, cr), (sp, cp)) = (to(0).sin_cos(), to(1).sin_cos());
-        let [bank_rate, pitch_rate] = [self.references[0].rate, self.references[1].rate];
-        let turn = (to(2) + pitch_rate * sr) / (cp * cr);
-        ideal[rigid::P] = bank_rate - turn * sp;
-        ideal[rigid::Q] = pitch_rate * cr + turn * cp * sr;
-        ideal[rigid::R] = to(2);
-        if velocity_mode {
-            // The velocities are known from their references, and need no
-            // model of their own.
-            let (along, down) = (to(VELOCITY) + wind, to(3));
-            let lifted = along * sp + down * cp;
-            // A coordinated turn leaves no v.
-            let across = (1.0 - blend) * to(VELOCITY + 1) - blend * lifted * sr / cr;
-            let body =
-                [along * cp - down * sp, across * cr + lifted * sr, lifted * cr - across * sr];
-            for (k, (body, trim)) in body.into_iter().zip(tv).enumerate() {
-                ideal[rigid::U + k] = body - trim;
-            }
-            self.model = [ideal[rigid::U], ideal[rigid::V]];
-        }
-        let mut lifting = 0.0;
-        if settings.hybrid_feedforward {
-            nu += f_kappa * ideal;
-            commanded -= inv.feedback * ideal;
-            // Pitching moment of the lift that the references ask for, with the
-            // tail's load that goes with them. The collective grows together
-            // with the load, so that its moment has half its end value on the
-            // mean; pedals come and go with the load standing.
-            let [ideal_u, ideal_w] = [tv[0] + ideal[rigid::U], tv[2] + ideal[rigid::W]];
-            let load = ideal_u * ideal_w - tv[0] * tv[2];
-            let asked = inv.decoupling * commanded;
-            let collective = asked[Effector::Collective.index()];
-            let pedal = asked[Effector::Pedal.index()] / off_trim.pedal_power(inv, collective);
-            lifting = load
-                * (0.5 * off_trim.collective_pitch * collective + off_trim.pedal_pitch * pedal);
-        }
-        let change = inv.reference.dynamics * ideal
-            + inv.reference.drive * Vector4::from_column_slice(&feed);
-        if !velocity_mode {
-            self.model[0] += dt * change[0];
-            self.model[1] += dt * change[1];
-        }
-
-        let mut delta = inv.decoupling * commanded + inv.allocation * nu;
-        delta -= inv.decoupling.column(Axis::Pitch.index()) * lifting;
-        let (col, ped) = (Effector::Collective.index(), Effector::Pedal.index());
-        let [low, high] = self.stick_limits[col];
-        let collective = (trim.sticks[col] + delta[col]).clamp(low, high) - trim.sticks[col];
-        delta[ped] /= off_trim.pedal_power(inv, collective);
-        for j in 0..4 {
-            let [low, high] = self.stick_limits[j];
-            self.sticks[j] = (trim.sticks[j] + delta[j]).clamp(low, high);
-        }
-        // Anti-windup: an axis's integral holds while its own effector is at a
-        // limit and the error would push it further.
-        for axis in Axis::ALL {
-            let (i, e) = (axis.index(), axis.effector().index());
-            let wanted = trim.sticks[e] + delta[e];
-            let push = inv.allocation[(e, i)] * errors[i];
-            let stuck = (wanted > self.stick_limits[e][1] && push > 0.0)
-                || (wanted < self.stick_limits[e][0] && push < 0.0);
-            if !stuck {
-                self.integrals[i] += dt * errors[i];
-            }
-        }
-        Ok(self.sticks)
+        self.set(m, demand);
+        self.program.run(&mut self.memory, &self.inputs);
+        self.program.advance(&mut self.memory);
+        Ok(std::array::from_fn(|j| self.program.output(&self.memory, j)))
     }
 
-    /// Peak of the deviation u, v that the reference model has built up, m/s:
-    /// for reports of a simulation.
+    /// Deviation u, v of the reference model from the trim at the last step,
+    /// m/s: for reports of a simulation.
     pub fn model_deviation(&self) -> [f64; 2] {
-        self.model
+        const { [monitor("model_u"), monitor("model_v")] }
+            .map(|k| self.program.monitor(&self.memory, k))
     }
-}
-
-/// Horizontal acceleration per attitude of the inverted model at constant
-/// vertical velocity, m/s² per rad: forward per pitch down, to the right per
-/// bank. Gravity where the model's own is not positive.
-fn acceleration_per_attitude(inv: &Inversion) -> [f64; 2] {
-    let model = &inv.reference;
-    let through = inv.ground_velocity * model.state * model.dynamics * model.input;
-    [-through[(0, 1)], through[(1, 0)]].map(|g| if g > 0.5 * GRAVITY { g } else { GRAVITY })
 }
 
 /// Velocity over the ground: down, and forward and to the right in heading
@@ -875,6 +574,7 @@ mod tests {
     use crate::control::testbed;
     use crate::control::tuning::start_gains;
     use approx::assert_relative_eq;
+    use std::collections::VecDeque;
 
     fn table() -> LawTable {
         let settings = LawSettings {
@@ -1080,6 +780,146 @@ mod tests {
         let scattered = [(0.0, 1.0), (1.0, -1.0), (2.0, 1.0), (3.0, -1.0), (4.0, 1.5)];
         assert_eq!(slope(scattered.into_iter()), 0.0);
         assert_eq!(slope([(1.0, 2.0); 6].into_iter()), 0.0);
+    }
+
+    /// The law for small deviations is what differences of its steps give: its
+    /// states, delay lines, measurements, demands and ports, in both modes and
+    /// at speeds between breakpoints.
+    #[test]
+    fn linear_law_is_the_differences_of_its_steps() {
+        let table = on_lines();
+        let limits = [[-1e6, 1e6]; 4];
+        let step = 0.01;
+        let diagram = table.diagram(step, limits, true, false);
+        let tables = table.breakpoints();
+        let program = Program::new(&diagram, &tables);
+        for (n, speed) in [2.0, 8.0, 17.0, 24.0, 26.5, 33.0].into_iter().enumerate() {
+            for velocity_mode in [false, true] {
+                let p = table.at(speed);
+                let m = calm(at_trim(&p));
+                let (down, [forward, right]) = earth_velocity(&m);
+                let mut demand = hold(&p);
+                demand.vertical_velocity = down + 0.2;
+                demand.heading_rate = 0.02;
+                if velocity_mode {
+                    demand.horizontal =
+                        Horizontal::Velocity { forward: forward + 0.3, right: right - 0.2 };
+                }
+                let mut inputs = vec![0.0; program.input_count()];
+                inputs[..INPUTS].copy_from_slice(&numbers(&m, &demand));
+                // Some steps away from rest, so that no term hides.
+                let mut at = program.memory();
+                for k in 0..40 + n {
+                    inputs[4] = 0.01 * (k as f64 * 0.3).sin();
+                    program.run(&mut at, &inputs);
+                    program.advance(&mut at);
+                }
+                program.run(&mut at, &inputs);
+                let law = LinearLaw::new(&diagram, &tables, &program, &at);
+                let size = law.states.len();
+                let outputs = 4 + MONITORS.len();
+                // What a step makes of a change of one seed.
+                let answer = |seed: usize, by: f64| {
+                    let (mut m, mut inputs) = (at.clone(), inputs.clone());
+                    let places: Vec<usize> = (0..inputs.len()).filter(|k| *k != 9).collect();
+                    if seed < size {
+                        // The first two memories say start and mode.
+                        program.stored(&mut m)[2 + seed] += by;
+                    } else if seed < size + places.len() {
+                        inputs[places[seed - size]] += by;
+                    } else {
+                        *program.due(&mut m, seed - size - places.len()) += by;
+                    }
+                    program.run(&mut m, &inputs);
+                    let mut out: Vec<f64> = (0..4).map(|k| program.output(&m, k)).collect();
+                    out.extend((0..MONITORS.len()).map(|k| program.monitor(&m, k)));
+                    out.extend(diagram.feeds.iter().map(|f| program.value(&m, f.input)));
+                    program.advance(&mut m);
+                    out.extend(&program.stored(&mut m)[2..]);
+                    out
+                };
+                for seed in 0..size + law.inputs.len() {
+                    let h = 1e-5;
+                    let (up, low) = (answer(seed, h), answer(seed, -h));
+                    let column = |whole: [&nalgebra::DMatrix<f64>; 2], row: usize| {
+                        if seed < size {
+                            whole[0][(row, seed)]
+                        } else {
+                            whole[1][(row, seed - size)]
+                        }
+                    };
+                    for (row, (a, b)) in up.iter().zip(&low).enumerate() {
+                        let slope = (a - b) / (2.0 * h);
+                        let wanted = if row < outputs + law.lines {
+                            column([&law.c, &law.d], row)
+                        } else {
+                            column([&law.a, &law.b], row - outputs - law.lines)
+                        };
+                        assert!(
+                            (slope - wanted).abs() < 1e-6 * wanted.abs().max(1.0),
+                            "row {row} seed {seed} at {speed}: {slope} {wanted}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// In the limit of a short step the law is what it is at a short step.
+    #[test]
+    fn the_limit_of_a_short_step_is_reached() {
+        let table = on_lines();
+        let step = 1e-6;
+        for (speed, velocity_mode) in [(8.0, false), (8.0, true), (26.5, true), (33.0, false)] {
+            let limit = table.linear(speed, velocity_mode);
+            let mut short = table.clone();
+            // One step of delay, so that the lines are as short as in the limit.
+            short.settings.reference_delay = step;
+            let diagram = short.diagram(step, [[f64::MIN, f64::MAX]; 4], true, false);
+            let tables = short.breakpoints();
+            let program = Program::new(&diagram, &tables);
+            let p = table.at(speed);
+            let m = calm(at_trim(&p));
+            let (down, [forward, right]) = earth_velocity(&m);
+            let mut demand = hold(&p);
+            demand.vertical_velocity = down;
+            if velocity_mode {
+                demand.horizontal = Horizontal::Velocity { forward, right };
+            }
+            let mut inputs = vec![0.0; program.input_count()];
+            inputs[..INPUTS].copy_from_slice(&numbers(&m, &demand));
+            let mut at = program.memory();
+            program.run(&mut at, &inputs);
+            program.hold(&mut at);
+            program.run(&mut at, &inputs);
+            let law = LinearLaw::new(&diagram, &tables, &program, &at);
+            let seen = ["lat_held", "lon_held", "col_held", "ped_held", "held_heading"];
+            let (limit, law) = (limit.seen_by(&seen), law.seen_by(&seen));
+            for (k, name) in limit.states.iter().enumerate() {
+                let j = law.states.iter().position(|n| n == name).unwrap();
+                for (l, other) in limit.states.iter().enumerate() {
+                    let i = law.states.iter().position(|n| n == other).unwrap();
+                    let own = if k == l { 1.0 } else { 0.0 };
+                    let rate = (law.a[(j, i)] - own) / step;
+                    let wanted = limit.a[(k, l)];
+                    assert!(
+                        (rate - wanted).abs() < 1e-3 * wanted.abs().max(1.0),
+                        "{name} {other} at {speed}: {rate} {wanted}"
+                    );
+                }
+            }
+            for (row, name) in limit.outputs.iter().enumerate() {
+                let r = law.outputs.iter().position(|n| n == name).unwrap();
+                for (column, input) in limit.inputs.iter().enumerate() {
+                    let c = law.inputs.iter().position(|n| n == input).unwrap();
+                    let (found, wanted) = (law.d[(r, c)], limit.d[(row, column)]);
+                    assert!(
+                        (found - wanted).abs() < 1e-4 * wanted.abs().max(1.0),
+                        "{name} {input} at {speed}: {found} {wanted}"
+                    );
+                }
+            }
+        }
     }
 
     /// About the trim the corrections are of second order: halving a deviation

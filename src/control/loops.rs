@@ -23,46 +23,20 @@
 
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::plant::{Hardware, Inversion, Plant, PlantError};
+pub use crate::law::mdi::LawSettings;
 use crate::numerics::conic::AffineRow;
 use crate::units::STANDARD_GRAVITY as GRAVITY;
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 const ZERO: C = C::new(0.0, 0.0);
 const ONE: C = C::new(1.0, 0.0);
 
-/// The choices of the law that are not gains.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LawSettings {
-    /// Fraction κ of the velocity terms of F that the inversion cancels by
-    /// feedback, 0 to 1.
-    pub kappa: f64,
-    /// Whether the rest, 1 − κ, is fed forward from the ideal model.
-    pub hybrid_feedforward: bool,
-    /// Delay of the reference in the error path, s: about the equivalent
-    /// delay of hardware and rotor.
-    pub reference_delay: f64,
-    /// Natural frequency of the roll command model, rad/s.
-    pub roll_frequency: f64,
-    /// Natural frequency of the pitch command model, rad/s.
-    pub pitch_frequency: f64,
-    /// Damping ratio of both attitude command models.
-    pub attitude_damping: f64,
-    /// Time constant of the yaw rate command model, s.
-    pub yaw_time_constant: f64,
-    /// Time constant of the vertical velocity command model, s.
-    pub heave_time_constant: f64,
-}
-
-impl LawSettings {
-    /// Command model of an attitude axis from command to reference.
-    pub fn attitude_command(&self, axis: Axis, s: C) -> C {
-        let wn = if axis == Axis::Roll { self.roll_frequency } else { self.pitch_frequency };
-        wn * wn / (s * s + 2.0 * self.attitude_damping * wn * s + wn * wn)
-    }
+/// Command model of an attitude axis from command to reference, at s.
+pub fn attitude_command(settings: &LawSettings, axis: Axis, s: C) -> C {
+    let wn = if axis == Axis::Roll { settings.roll_frequency } else { settings.pitch_frequency };
+    wn * wn / (s * s + 2.0 * settings.attitude_damping * wn * s + wn * wn)
 }
 
 /// A four-vector of complex numbers.
@@ -284,7 +258,7 @@ impl LoopModel {
         let mut command_feed = [[ZERO; 4]; 2];
         let mut command_reference = [ZERO; 2];
         for (i, axis) in [Axis::Roll, Axis::Pitch].into_iter().enumerate() {
-            let model = self.settings.attitude_command(axis, s);
+            let model = attitude_command(&self.settings, axis, s);
             command_reference[i] = model * delay;
             let acceleration = s * s * model;
             // B_d⁻¹ (ν − F x_ref) + M F_κ x_ref.

@@ -1,15 +1,23 @@
-//! From a problem to the plants of every model and speed.
+//! From a problem, or from a set of linear models, to the plants of every model
+//! and speed.
 
-use super::plant::{Matrix8, Matrix8x4, ModelSet, Plant, PlantError, RIGID_STATES, TrimPoint};
+use super::plant::{
+    Inversion, Matrix8, Matrix8x4, ModelSet, Plant, PlantError, RIGID_STATES, TrimPoint,
+};
 use super::spec::ModelSpec;
 use crate::linear::linearize::{self, averaged};
-use crate::linear::model::StateSpace;
-use crate::linear::{LinearError, reduction};
+use crate::linear::model::{Channel, StateSpace};
+use crate::linear::{LinearError, reduction, structure};
+use crate::lti::mapping::Inertia;
+use crate::lti::stitch::{StitchError, Stitched};
+use crate::lti::{LtiSet, PointModel};
 use crate::problem::{Problem, STICKS};
 use crate::trim::condition::FlightCondition;
 use crate::trim::solve::{Options, TrimPoint as Trim};
 use crate::trim::sweep::sweep;
+use crate::units::{KNOT, Kind};
 use crate::vehicle::{Vehicle, VehicleError};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// Why the plants could not be made.
@@ -53,6 +61,55 @@ pub enum ModelsError {
         /// Cause.
         source: PlantError,
     },
+    /// A set of linear models cannot be varied like a problem.
+    #[error(
+        "model '{model}' of the specification asks for another {what}, which linear models from \
+         elsewhere do not know"
+    )]
+    Variation {
+        /// Model.
+        model: String,
+        /// `wake interaction` or `altitude`.
+        what: &'static str,
+    },
+    /// A set of linear models makes no continuous model.
+    #[error("model '{model}': {source}")]
+    Stitch {
+        /// Model.
+        model: String,
+        /// Cause.
+        source: StitchError,
+    },
+    /// The law would cancel a zero that grows.
+    #[error(
+        "{label}: the law inverts bank, pitch, yaw rate and vertical velocity, and what is left of \
+         the motion then grows at {growth:.2} 1/s (a zero at {growth:.2} {frequency:+.2}i rad/s): \
+         this model cannot be inverted"
+    )]
+    NonMinimumPhase {
+        /// The model.
+        label: String,
+        /// Real part of the zero, 1/s.
+        growth: f64,
+        /// Imaginary part, rad/s.
+        frequency: f64,
+    },
+    /// No speed of the set.
+    #[error(
+        "none of the speeds asked for, {asked:?} kt, is among those of the set of models, {low:.0} to \
+         {high:.0} kt"
+    )]
+    NoSpeed {
+        /// Speeds asked for, kt.
+        asked: Vec<f64>,
+        /// Least speed of the set, kt.
+        low: f64,
+        /// Greatest speed of the set, kt.
+        high: f64,
+    },
+    /// The caller asked to stop.
+    #[error("stopped before the end")]
+    Stopped,
 }
 
 /// A model and speed without a trim.
@@ -107,9 +164,25 @@ pub fn build(
     speeds: &[f64],
     progress: &(dyn Fn() + Sync),
 ) -> Result<Built, ModelsError> {
+    build_until(problem, models, speeds, progress, &|| false)
+}
+
+/// As [`build`], but stops between models and speeds once `stop` says so.
+///
+/// # Errors
+/// As [`build`], and [`ModelsError::Stopped`].
+pub fn build_until(
+    problem: &Problem,
+    models: &[ModelSpec],
+    speeds: &[f64],
+    progress: &(dyn Fn() + Sync),
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Built, ModelsError> {
+    let go_on = || if stop() { Err(ModelsError::Stopped) } else { Ok(()) };
     let columns: Vec<Vec<Result<Plant, LeftOut>>> = models
         .par_iter()
         .map(|model| {
+            go_on()?;
             let name = || model.info.name.clone();
             let vehicle_error = |source| ModelsError::Vehicle { model: name(), source };
             let mut vehicle = Vehicle::new(&varied(problem, model)).map_err(vehicle_error)?;
@@ -124,6 +197,7 @@ pub fn build(
                 .into_par_iter()
                 .zip(speeds)
                 .map(|(point, &speed)| {
+                    go_on()?;
                     let reason = point.status.word().to_string();
                     let trim_point = airframe(&point);
                     let Ok(converged) = point.into_converged() else {
@@ -171,6 +245,138 @@ pub fn build(
     );
     let set = ModelSet { models: models.iter().map(|m| m.info.clone()).collect(), plants };
     Ok(Built { set, left_out })
+}
+
+/// Growth of a zero of the inverted outputs from which a model is refused, 1/s.
+/// Slower ones are drifts of the horizontal velocity, which the outer loops or
+/// the pilot hold.
+pub const FASTEST_ZERO: f64 = 0.5;
+
+/// A schedule may begin or end so far beyond the models of a set, m/s.
+const BEYOND: f64 = 1.6;
+
+/// Plants of linear models from elsewhere at these speeds, m/s, for every model
+/// of a specification. At the speeds of the set they are its models; between
+/// them, and with another mass or centre of gravity, those of the stitched
+/// model.
+///
+/// # Errors
+/// A model of the specification that the set cannot give, models that cannot be
+/// stitched, reduced or inverted, or no speed within the set.
+pub fn from_set(
+    set: &LtiSet,
+    inertia: Option<Inertia>,
+    models: &[ModelSpec],
+    speeds: &[f64],
+) -> Result<Built, ModelsError> {
+    let whole = set.speeds();
+    let (low, high) = (whole[0], whole[whole.len() - 1]);
+    let mut columns = Vec::with_capacity(models.len());
+    let base = Stitched::new(set, inertia).map_err(|source| ModelsError::Stitch {
+        model: models.first().map_or_else(String::new, |m| m.info.name.clone()),
+        source,
+    })?;
+    for model in models {
+        let name = || model.info.name.clone();
+        let cannot = |what| ModelsError::Variation { model: name(), what };
+        if model.interactions.is_some() {
+            return Err(cannot("wake interaction"));
+        }
+        if model.altitude.is_some() {
+            return Err(cannot("altitude"));
+        }
+        let stitch = |source| ModelsError::Stitch { model: name(), source };
+        let varied =
+            base.varied(model.mass_scale, model.center_of_gravity_shift).map_err(stitch)?;
+        let inside = |v: &&f64| **v >= low - BEYOND && **v <= high + BEYOND;
+        let column: Vec<Plant> = speeds
+            .iter()
+            .filter(inside)
+            .map(|&speed| {
+                let own = set.at(speed).filter(|_| varied.as_given()).cloned();
+                let point = match own {
+                    Some(point) => point,
+                    None => varied.at(speed).map_err(stitch)?,
+                };
+                let failed = |source| ModelsError::Linear { model: name(), speed, source };
+                let plant = from_point(&point, speed).map_err(failed)?;
+                plant.check().map_err(|source| ModelsError::Plant { model: name(), source })?;
+                minimum_phase(&point, &plant)?;
+                Ok(plant)
+            })
+            .collect::<Result<_, ModelsError>>()?;
+        columns.push(column);
+    }
+    let inside = |v: f64| v >= low - BEYOND && v <= high + BEYOND;
+    let mut left_out = Vec::new();
+    for speed in speeds.iter().filter(|v| !inside(**v)) {
+        left_out.extend(models.iter().map(|model| LeftOut {
+            model: model.info.name.clone(),
+            speed: *speed,
+            reason: format!("the set of models is for {:.0} to {:.0} kt", low / KNOT, high / KNOT),
+        }));
+    }
+    let count = columns.first().map_or(0, Vec::len);
+    if count == 0 {
+        return Err(ModelsError::NoSpeed {
+            asked: speeds.iter().map(|v| (v / KNOT * 10.0).round() / 10.0).collect(),
+            low: low / KNOT,
+            high: high / KNOT,
+        });
+    }
+    let plants =
+        (0..count).map(|v| columns.iter().map(|column| column[v].clone()).collect()).collect();
+    let set = ModelSet { models: models.iter().map(|m| m.info.clone()).collect(), plants };
+    Ok(Built { set, left_out })
+}
+
+/// A plant of a model from elsewhere.
+///
+/// # Errors
+/// Inner states that cannot be residualised.
+pub fn from_point(point: &PointModel, speed: f64) -> Result<Plant, LinearError> {
+    let trim = &point.trim;
+    let plant = from_state_space(
+        &point.model,
+        speed,
+        TrimPoint {
+            velocity_body: trim.velocity_body,
+            roll: trim.roll,
+            pitch: trim.pitch,
+            sticks: trim.sticks,
+        },
+    )?;
+    Ok(Plant { measured: point.measured, ..plant })
+}
+
+/// Refuses a model that grows under exact inversion.
+fn minimum_phase(point: &PointModel, plant: &Plant) -> Result<(), ModelsError> {
+    let failed = |source| ModelsError::Plant { model: point.label.clone(), source };
+    let inversion = Inversion::new(plant).map_err(failed)?;
+    let linear =
+        |source| ModelsError::Linear { model: point.label.clone(), speed: plant.speed, source };
+    let channels = |names: &[&str]| -> Vec<Channel> {
+        names.iter().map(|n| Channel::new(*n, Kind::Dimensionless)).collect()
+    };
+    let reduced = StateSpace::new(
+        channels(&RIGID_STATES),
+        channels(&STICKS),
+        channels(&["phi", "theta", "r", "vertical_velocity"]),
+        DMatrix::from_fn(8, 8, |i, j| plant.reduced_a[(i, j)]),
+        DMatrix::from_fn(8, 4, |i, j| plant.reduced_b[(i, j)]),
+        DMatrix::from_fn(4, 8, |i, j| inversion.outputs[(i, j)]),
+        DMatrix::zeros(4, 4),
+    )
+    .map_err(linear)?;
+    let zeros = structure::zeros(&reduced).map_err(linear)?;
+    match zeros.iter().max_by(|a, b| a.re.total_cmp(&b.re)) {
+        Some(zero) if zero.re > FASTEST_ZERO => Err(ModelsError::NonMinimumPhase {
+            label: point.label.clone(),
+            growth: zero.re,
+            frequency: zero.im,
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// The part of a trim that the control law needs.

@@ -196,6 +196,11 @@ pub struct Hardware {
 }
 
 impl Hardware {
+    /// For models that have actuators, delays and sensors inside: what is left
+    /// is too fast to matter at any frequency of a loop.
+    pub const INCLUDED: Self =
+        Self { actuator_bandwidth: 1e5, actuator_damping: 1.0, delay: 0.0, sensor_bandwidth: 1e5 };
+
     /// Response at jω, with `extra_delay` s on top.
     pub fn response(&self, omega: f64, extra_delay: f64) -> num_complex::Complex64 {
         use num_complex::Complex64 as C;

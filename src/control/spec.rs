@@ -6,10 +6,11 @@
 //! value carries its unit.
 
 use super::axis::Channel;
-use super::loops::LawSettings;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
+pub use crate::law::mdi::{LawSettings, TurnCoordination};
+use crate::lti::mapping::{MODELS_FROM, Mapping};
 use crate::problem::keys::{
     Key, Table, Value, above_below, above_to, default, from_to, optional, required,
 };
@@ -40,6 +41,9 @@ pub struct Specification {
     pub hardware: Hardware,
     /// Largest rate of blade pitch, rad/s.
     pub pitch_rate_limit: f64,
+    /// How linear models from elsewhere are brought to our names and units, and
+    /// where they are; the default where the file does not say.
+    pub models_from: Mapping,
     /// The models; the first is nominal and the one that is inverted.
     pub models: Vec<ModelSpec>,
     /// Requirements of each channel.
@@ -111,15 +115,6 @@ pub struct Steps {
     pub yaw: f64,
     /// Vertical velocity, m/s.
     pub heave: f64,
-}
-
-/// The blend of Eq. 75.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnCoordination {
-    /// Middle of the blend, m/s.
-    pub speed: f64,
-    /// Full width of the blend, m/s.
-    pub width: f64,
 }
 
 /// By how much a requirement must be exceeded for a design margin of 100 %.
@@ -549,6 +544,12 @@ pub static ROOT: Table = Table {
         default("inversion", Value::Table(&INVERSION), "{}", "How the model is inverted."),
         default("hardware", Value::Table(&HARDWARE), "{}", "From measurement to blade pitch."),
         optional(
+            "models_from",
+            Value::Table(&MODELS_FROM),
+            "the models are those of a problem file",
+            "Linear models from elsewhere.",
+        ),
+        optional(
             "models",
             Value::Named(&MODEL, "model"),
             "the problem as it is, nominal",
@@ -569,6 +570,14 @@ pub static ROOT: Table = Table {
 /// # Errors
 /// Everything that is wrong with it, at once.
 pub fn load(path: &Path) -> Result<Specification, Report> {
+    load_with_text(path).map(|(specification, _)| specification)
+}
+
+/// Reads a specification file; also its text, for its hash.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_text(path: &Path) -> Result<(Specification, String), Report> {
     let whole = |message: String, unreadable| {
         Report::new(
             vec![Diagnostic::whole_file(
@@ -588,7 +597,7 @@ pub fn load(path: &Path) -> Result<Specification, Report> {
         std::fs::read(path).map_err(|e| whole(format!("the file cannot be read: {e}"), true))?;
     let text =
         String::from_utf8(bytes).map_err(|_| whole("the file is not UTF-8 text".into(), false))?;
-    parse(&path.display().to_string(), &text)
+    Ok((parse(&path.display().to_string(), &text)?, text))
 }
 
 /// The built-in specification.
@@ -802,6 +811,7 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
             sensor_bandwidth: hardware.number("sensor_bandwidth")?,
         },
         pitch_rate_limit: hardware.number("pitch_rate_limit")?,
+        models_from: root.table("models_from").map(Mapping::from_table).unwrap_or_default(),
         models,
         channels,
         steps: Steps {

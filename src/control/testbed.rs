@@ -8,57 +8,24 @@
 
 use super::plant::Hardware;
 use super::plant::{Matrix8, Matrix8x4, ModelClass, ModelInfo, ModelSet, Plant, TrimPoint, rigid};
+use crate::linear::io::set_from_json;
 use crate::units::{FOOT, KNOT};
 use nalgebra::DMatrix;
+use std::sync::LazyLock;
 
 /// Speed of the appendix's forward-flight matrices by their own entries
 /// A(w,q) ≈ u₀, A(v,r) ≈ −u₀, m/s.
 const FORWARD_SPEED: f64 = 117.33 * FOOT;
 
-#[rustfmt::skip]
-const A_HOVER: [f64; 64] = [
-    -0.0079, 0.0098, 0.0014, 0.2365, 0.6854, 0.0287, 0.0, -32.17,
-    0.0045, -0.0099, 0.0007, -0.3045, -0.0294, -0.0154, 32.17, 0.0,
-    -0.0639, 0.0021, -0.0172, -0.0150, 0.3094, 0.1049, 0.0015, -0.0084,
-    -0.0014, -0.0013, -0.0008, -0.1126, 0.1021, -0.0225, 0.0, 0.0,
-    0.0005, -0.0014, -0.0003, -0.0653, -0.0957, -0.0056, 0.0, 0.0,
-    0.0006, 0.0004, -0.0036, -0.0201, 0.0139, -0.0946, 0.0, 0.0,
-    0.0, 0.0, 0.0, 1.0, 0.0, 0.0003, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
-];
-#[rustfmt::skip]
-const B_HOVER: [f64; 32] = [
-    0.0194, -0.6596, -0.0004, 0.0,
-    0.2363, 0.0001, -0.0001, 0.0,
-    -0.0015, -0.0631, -1.6552, 0.3480,
-    0.1839, 0.0006, -0.0002, 0.0049,
-    -0.0014, 0.0814, 0.0001, 0.0,
-    0.0379, 0.0014, -0.0009, 0.0256,
-    0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0,
-];
-#[rustfmt::skip]
-const A_FORWARD: [f64; 64] = [
-    -0.0764, 0.0, 0.0569, -0.0032, 8.7042, 0.0041, 0.0, -32.1016,
-    -0.0003, -0.0983, 0.0008, -8.4619, 0.0021, -117.2804, 32.1016, -0.0013,
-    0.0478, -0.0002, -1.5518, 0.0773, 117.1017, 0.0140, 0.0199, 2.0971,
-    0.0002, 0.0107, 0.0009, -0.2150, 0.0491, -0.1385, 0.0, 0.0,
-    0.0031, 0.0002, -0.0322, -0.0308, -0.3888, -0.0065, 0.0, 0.0,
-    0.0, 0.0357, 0.0005, -0.1600, 0.0065, -0.4482, 0.0, 0.0,
-    0.0, 0.0, 0.0, 1.0, 0.0, -0.0653, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 1.0, 0.0006, 0.0, 0.0,
-];
-#[rustfmt::skip]
-const B_FORWARD: [f64; 32] = [
-    0.0238, -0.3477, 0.1617, -0.0356,
-    0.0045, 0.0046, 0.0031, -0.0013,
-    -0.1717, -4.0453, -2.8214, 0.6238,
-    0.1343, 0.0018, -0.0006, 0.0039,
-    -0.0021, 0.0412, -0.0190, 0.0060,
-    0.0276, 0.0006, -0.0001, 0.0204,
-    0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0,
-];
+/// The printed models of hover and forward flight, SI: A and B.
+static PRINTED: LazyLock<[(Matrix8, Matrix8x4); 2]> = LazyLock::new(|| {
+    let set = set_from_json(include_str!("../studies/coax2d/appendix.json"))
+        .unwrap_or_else(|error| unreachable!("the printed models: {error}"));
+    [0, 1].map(|k| {
+        let model = &set.models()[k];
+        (Matrix8::from_fn(|i, j| model.a()[(i, j)]), Matrix8x4::from_fn(|i, j| model.b()[(i, j)]))
+    })
+});
 
 /// A variation of the test-bed plant.
 #[derive(Debug, Clone, Copy)]
@@ -82,26 +49,9 @@ pub const HARDWARE: Hardware = Hardware {
     sensor_bandwidth: 60.0,
 };
 
-/// Rows of ft-based states to SI: velocities in ft/s become m/s.
-fn to_si(a: &[f64; 64], b: &[f64; 32]) -> (Matrix8, Matrix8x4) {
-    let scale = |i: usize| if i < rigid::P { FOOT } else { 1.0 };
-    let mut sa = Matrix8::from_row_slice(a);
-    let mut sb = Matrix8x4::from_row_slice(b);
-    for i in 0..8 {
-        for j in 0..8 {
-            sa[(i, j)] *= scale(i) / scale(j);
-        }
-        for j in 0..4 {
-            sb[(i, j)] *= scale(i);
-        }
-    }
-    (sa, sb)
-}
-
 /// The test-bed plant at a true airspeed in m/s.
 pub fn plant(speed: f64, variation: &Variation) -> Plant {
-    let (a0, b0) = to_si(&A_HOVER, &B_HOVER);
-    let (a1, b1) = to_si(&A_FORWARD, &B_FORWARD);
+    let [(a0, b0), (a1, b1)] = *PRINTED;
     let f = speed / FORWARD_SPEED;
     let (a, b) = (a0 + (a1 - a0) * f, b0 + (b1 - b0) * f);
     // Kinematics and gravity stay; what is left are forces per mass.

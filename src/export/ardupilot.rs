@@ -7,7 +7,7 @@
 //! normalised output, 1 for 100 %. Couplings, the F terms, the command models
 //! and the trims are not in them; they are in the Lua tables, for a script.
 
-use super::text::{comment, fill, number};
+use super::text::{comment, fill, number, quoted};
 use super::{ExportError, File, Input, Precision};
 use crate::control::axis::{Axis, Channel};
 use crate::units::KNOT;
@@ -120,7 +120,7 @@ fn parameters(input: &Input) -> Result<String, ExportError> {
 fn script(input: &Input) -> String {
     let d = input.description;
     let real = |x: f64| number(x, Precision::Double);
-    let quoted = |s: &String| format!("{:?}", s.replace(['\\', '"'], "'"));
+    let quoted = |s: &String| quoted(s);
     let join = |list: Vec<String>| list.join(", ");
     let mut tables = String::new();
     for t in d.law_tables() {

@@ -108,12 +108,7 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         "\n            - (p[@U@_DECOUPLING + (4u * j) + PITCH] * lifting)"
     };
     let warnings: Vec<String> = d.warnings.iter().map(|w| format!("WARNING: {w}")).collect();
-    let values: Vec<(&str, String)> = vec![
-        // First, since it holds keys itself.
-        ("HYBRID", hybrid.into()),
-        ("LIFT", lift.into()),
-        ("LIFTING", lifting.into()),
-        ("DELTA", format!("{DELTA}{less}")),
+    let mut values: Vec<(&str, String)> = vec![
         ("BANNER", comment(&d.banner(), " * ", 96)),
         ("WARNINGS", comment(&warnings, " * ", 96)),
         ("PLACES", places),
@@ -137,6 +132,12 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         ("U", upper.clone()),
         ("P", o.name.clone()),
     ];
+    // Parts of the templates, filled first since they hold keys themselves.
+    let delta = format!("{DELTA}{less}");
+    let parts = [("HYBRID", hybrid), ("LIFT", lift), ("LIFTING", lifting), ("DELTA", &delta)];
+    let known: Vec<(&str, &str)> = values.iter().map(|(k, v)| (*k, v.as_str())).collect();
+    let parts = parts.map(|(key, part)| (key, fill(part, &known)));
+    values.extend(parts);
     let values: Vec<(&str, &str)> = values.iter().map(|(k, v)| (*k, v.as_str())).collect();
     (fill(HEADER, &values), fill(SOURCE, &values))
 }

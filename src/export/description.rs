@@ -15,8 +15,11 @@ use crate::control::law::{
 };
 use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
+use crate::law::tables::{Label, STICKS};
 use crate::schedule::{self, Matrices, Point, Provenance, Schedule, ScheduleError};
 use crate::units::STANDARD_GRAVITY;
+
+pub use crate::law::tables::{FORMS, Form};
 
 /// Schema of a description.
 pub const SCHEMA: &str = "coaxdesign.law/1";
@@ -91,221 +94,20 @@ pub struct Table {
     pub values: Vec<Vec<Vec<f64>>>,
 }
 
-/// Name and unit.
-type Label = (&'static str, &'static str);
-
-const STATES: [Label; 8] = [
-    ("u", "m/s"),
-    ("v", "m/s"),
-    ("w", "m/s"),
-    ("p", "rad/s"),
-    ("q", "rad/s"),
-    ("r", "rad/s"),
-    ("phi", "rad"),
-    ("theta", "rad"),
-];
-const OUTPUTS: [Label; 4] = [("phi", "rad"), ("theta", "rad"), ("r", "rad/s"), ("v_z", "m/s")];
-const OUTPUT_RATES: [Label; 4] =
-    [("phi_dot", "rad/s"), ("theta_dot", "rad/s"), ("r_dot", "rad/s^2"), ("v_z_dot", "m/s^2")];
-const NU: [Label; 4] = [
-    ("phi_ddot", "rad/s^2"),
-    ("theta_ddot", "rad/s^2"),
-    ("r_dot", "rad/s^2"),
-    ("v_z_dot", "m/s^2"),
-];
-const STICKS: [Label; 4] = [("lat", "%"), ("lon", "%"), ("col", "%"), ("ped", "%")];
-const GROUND: [Label; 2] = [("v_x", "m/s"), ("v_y", "m/s")];
-const REFERENCES: [Label; 6] = [
-    ("phi", "rad"),
-    ("theta", "rad"),
-    ("phi_dot", "rad/s"),
-    ("theta_dot", "rad/s"),
-    ("r", "rad/s"),
-    ("v_z", "m/s"),
-];
-const MODEL: [Label; 2] = [("u", "m/s"), ("v", "m/s")];
-const MODEL_RATES: [Label; 2] = [("u_dot", "m/s^2"), ("v_dot", "m/s^2")];
-const CHANNELS: [Label; 6] =
-    [("roll", ""), ("pitch", ""), ("yaw", ""), ("heave", ""), ("vx", ""), ("vy", "")];
-const GAINS: [Label; 3] = [("k_d", ""), ("k_p", ""), ("k_i", "")];
-const VALUE: [Label; 1] = [("value", "")];
-const ATTITUDE: [Label; 2] = [("phi", "rad"), ("theta", "rad")];
-const VELOCITY: [Label; 3] = [("u", "m/s"), ("v", "m/s"), ("w", "m/s")];
-
-/// A table's place among the others.
-pub struct Form {
-    /// Name.
-    pub name: &'static str,
-    meaning: &'static str,
-    /// Whether the discrete-time law needs it.
-    pub needed_by_law: bool,
-    rows: &'static [Label],
-    columns: &'static [Label],
-}
-
-impl Form {
-    /// Rows and columns.
-    pub fn size(&self) -> (usize, usize) {
-        (self.rows.len(), self.columns.len())
-    }
-
-    /// What it is.
-    pub fn meaning(&self) -> &'static str {
-        self.meaning
-    }
-
-    /// The place of a row and a column by their names.
-    pub fn place(&self, row: &str, column: &str) -> Option<(usize, usize)> {
-        let find = |list: &[Label], name| list.iter().position(|l| l.0 == name);
-        Some((find(self.rows, row)?, find(self.columns, column)?))
-    }
-
-    /// Unit of an entry.
-    pub fn unit(&self, row: usize, column: usize) -> String {
-        if self.name == "gains" {
-            let attitude = Channel::ALL[row].gains().len() == 3;
-            return match (attitude, column) {
-                (true, 0) => "1/s",
-                (true, 1) => "1/s^2",
-                (true, _) => "1/s^3",
-                // K_D does not exist here and is zero.
-                (false, 0) => "1",
-                (false, 1) => "1/s",
-                (false, _) => "1/s^2",
-            }
-            .into();
-        }
-        let (row, column) = (self.rows[row].1, self.columns[column].1);
-        if column.is_empty() { row.into() } else { format!("{row} per {column}") }
-    }
-
-    /// Every row and column by name, as one text each.
-    pub(super) fn places(&self) -> Vec<String> {
-        let with = |row: &Label| {
-            let row = row.0;
-            self.columns.iter().map(move |column| format!("{row} {}", column.0))
-        };
-        self.rows.iter().flat_map(with).collect()
-    }
-
-    /// The table of these values, `values[breakpoint][row][column]`.
-    pub(super) fn table(&self, values: Vec<Vec<Vec<f64>>>) -> Table {
-        let names = |list: &[Label]| list.iter().map(|l| l.0.to_string()).collect();
-        Table {
-            name: self.name.into(),
-            meaning: self.meaning.into(),
-            needed_by_law: self.needed_by_law,
-            rows: names(self.rows),
-            columns: names(self.columns),
-            units: (0..self.rows.len())
-                .map(|i| (0..self.columns.len()).map(|j| self.unit(i, j)).collect())
-                .collect(),
-            values,
-        }
+/// A table of this form with these values, `values[breakpoint][row][column]`.
+pub(super) fn table_of(form: &Form, values: Vec<Vec<Vec<f64>>>) -> Table {
+    let names = |list: &[Label]| list.iter().map(|l| l.0.to_string()).collect();
+    let (rows, columns) = form.size();
+    Table {
+        name: form.name.into(),
+        meaning: form.meaning().into(),
+        needed_by_law: form.needed_by_law,
+        rows: names(form.rows),
+        columns: names(form.columns),
+        units: (0..rows).map(|i| (0..columns).map(|j| form.unit(i, j)).collect()).collect(),
+        values,
     }
 }
-
-/// Every table, in the order of files.
-pub const FORMS: [Form; 14] = [
-    Form {
-        name: "gains",
-        meaning: "gains of the inner axes and of the outer velocity loops",
-        needed_by_law: true,
-        rows: &CHANNELS,
-        columns: &GAINS,
-    },
-    Form {
-        name: "trim_velocity",
-        meaning: "body velocity of the trim",
-        needed_by_law: true,
-        rows: &VELOCITY,
-        columns: &VALUE,
-    },
-    Form {
-        name: "trim_attitude",
-        meaning: "attitude of the trim",
-        needed_by_law: true,
-        rows: &ATTITUDE,
-        columns: &VALUE,
-    },
-    Form {
-        name: "trim_sticks",
-        meaning: "sticks of the trim",
-        needed_by_law: true,
-        rows: &STICKS,
-        columns: &VALUE,
-    },
-    Form {
-        name: "feedback",
-        meaning: "F: rows C A^2 of phi and theta, C A of r and V_z",
-        needed_by_law: true,
-        rows: &NU,
-        columns: &STATES,
-    },
-    Form {
-        name: "decoupling",
-        meaning: "B_d^-1: sticks from the nu that is commanded",
-        needed_by_law: true,
-        rows: &STICKS,
-        columns: &NU,
-    },
-    Form {
-        name: "allocation",
-        meaning: "M: sticks from the nu that feedback asks for",
-        needed_by_law: true,
-        rows: &STICKS,
-        columns: &NU,
-    },
-    Form {
-        name: "reference_state",
-        meaning: "x_ref from the reference model's u, v",
-        needed_by_law: true,
-        rows: &STATES,
-        columns: &MODEL,
-    },
-    Form {
-        name: "reference_input",
-        meaning: "x_ref from the references",
-        needed_by_law: true,
-        rows: &STATES,
-        columns: &REFERENCES,
-    },
-    Form {
-        name: "reference_dynamics",
-        meaning: "rates of the reference model's u, v from x_ref",
-        needed_by_law: true,
-        rows: &MODEL_RATES,
-        columns: &STATES,
-    },
-    Form {
-        name: "reference_drive",
-        meaning: "rates of the reference model's u, v from nu",
-        needed_by_law: true,
-        rows: &MODEL_RATES,
-        columns: &NU,
-    },
-    Form {
-        name: "ground_velocity",
-        meaning: "velocity over the ground in heading axes, forward and right, from states",
-        needed_by_law: true,
-        rows: &GROUND,
-        columns: &STATES,
-    },
-    Form {
-        name: "outputs",
-        meaning: "C: outputs from states",
-        needed_by_law: false,
-        rows: &OUTPUTS,
-        columns: &STATES,
-    },
-    Form {
-        name: "output_rates",
-        meaning: "C A: rates of the outputs from states",
-        needed_by_law: false,
-        rows: &OUTPUT_RATES,
-        columns: &STATES,
-    },
-];
 
 /// Names, units and meanings of the constants, in the order of files.
 const CONSTANTS: [(&str, &str, &str); 35] = [
@@ -517,7 +319,7 @@ impl Description {
         let off_trim = *schedule.law()?.off_trim();
         let tables = FORMS
             .iter()
-            .map(|form| form.table(schedule.points.iter().map(|p| entries(p, form)).collect()))
+            .map(|form| table_of(form, schedule.points.iter().map(|p| entries(p, form)).collect()))
             .collect();
         let constants = constant_forms()
             .map(|c| Constant { value: constant(schedule, &off_trim, &c.name), ..c })
@@ -561,7 +363,7 @@ impl Description {
             let Some(form) = FORMS.iter().find(|f| f.name == table.name) else {
                 return Err(DescriptionError::Unknown(format!("table '{}'", table.name)));
             };
-            let sound = form.table(Vec::new());
+            let sound = table_of(form, Vec::new());
             let (rows, columns) = form.size();
             let full = table.values.len() == self.speed.values.len()
                 && table
@@ -833,6 +635,7 @@ mod tests {
     use super::super::sample;
     use super::*;
     use crate::control::plant::RIGID_STATES;
+    use crate::law::tables::{CHANNELS, STATES};
 
     /// Names of states are those of the control stage.
     #[test]

@@ -2,7 +2,7 @@
 
 use std::io::{Cursor, Write as _};
 
-use super::text::{comment, fill, number};
+use super::text::{comment, fill, number, xml};
 use super::{ExportError, File, Input, Precision, c};
 use crate::schedule::hash;
 
@@ -32,10 +32,6 @@ const OUTPUTS: [(&str, &str); 4] = [
     ("col", "collective"),
     ("ped", "pedals"),
 ];
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
 
 fn guid(input: &Input) -> String {
     let (header, source) = c::texts(input);
@@ -112,7 +108,7 @@ fn model_description(input: &Input) -> String {
          <InitialUnknowns>\n{outputs}    </InitialUnknowns>\n  </ModelStructure>\n\
          </fmiModelDescription>\n",
         guid(input),
-        escape(&format!("Control law of {}.{status}", d.name)),
+        xml(&format!("Control law of {}.{status}", d.name)),
         env!("CARGO_PKG_VERSION"),
         number(input.options.step, Precision::Double),
     )

@@ -12,9 +12,9 @@ use serde_json::Value;
 
 use super::csv::Line;
 use super::description::{self, DERIVED, Description, DescriptionError, FIXED, FORMS};
-use super::matlab::{self, MatError, Variable};
 use crate::control::axis::Channel;
 use crate::control::law::LawTable;
+use crate::linear::mat::{self, MatError, Variable};
 use crate::schedule::{self, Provenance, Schedule, ScheduleError};
 use crate::units::{Kind, parse_quantity};
 
@@ -202,7 +202,7 @@ pub fn import(
             of_value(&value)?
         }
         Source::Csv => of_csv(text()?)?,
-        Source::Mat => of_mat(&matlab::read(bytes)?)?,
+        Source::Mat => of_mat(&mat::read(bytes)?)?,
     };
     complete(partial, origin, base)
 }
@@ -600,7 +600,7 @@ fn complete(
             }
             values.push(m);
         }
-        tables.push(f.table(values));
+        tables.push(description::table_of(f, values));
     }
     let mut constants = Vec::new();
     for mut c in description::constant_forms() {

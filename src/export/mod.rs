@@ -29,6 +29,7 @@ pub mod vectors;
 pub use description::{Description, DescriptionError};
 
 use crate::control::law::LawTable;
+use crate::problem::{LONGEST_NAME, visible};
 use crate::schedule::Schedule;
 
 /// A form to export to.
@@ -234,6 +235,10 @@ pub enum ExportError {
     },
 }
 
+/// Bounds of the step of the law in discrete time, s: the fastest flight
+/// computers, and the slowest that hold an attitude.
+const LEAST_STEP: f64 = 1e-4;
+const LARGEST_STEP: f64 = 1.0;
 /// Longest delay line of generated code, steps.
 const MAX_DELAY_STEPS: usize = 10_000;
 
@@ -253,13 +258,21 @@ pub fn export(
     format: Format,
     options: &Options,
 ) -> Result<Vec<File>, ExportError> {
-    if !(options.step.is_finite() && options.step > 0.0) {
-        return Err(ExportError::Option("the step must be positive".into()));
+    if !(options.step >= LEAST_STEP && options.step <= LARGEST_STEP) {
+        return Err(ExportError::Option(format!(
+            "the step is {} s; it must be from {LEAST_STEP} s to {LARGEST_STEP} s",
+            options.step
+        )));
     }
+    if !options.speed.is_finite() {
+        return Err(ExportError::Option("the speed must be a number".into()));
+    }
+
     if identifier(&options.name).as_deref() != Some(&options.name) {
         return Err(ExportError::Option(format!(
-            "the name '{}' is no identifier: lower-case letters, digits and _, a letter first",
-            options.name
+            "the name '{}' is no identifier: lower-case letters, digits and _, a letter first, at \
+             most {LONGEST_NAME} of them",
+            visible(&options.name, false)
         )));
     }
     let description = Description::new(schedule, warnings)?;
@@ -327,6 +340,7 @@ pub fn identifier(name: &str) -> Option<String> {
             out.push('_');
         }
     }
+    out.truncate(LONGEST_NAME);
     let out = out.trim_matches('_');
     out.starts_with(|c: char| c.is_ascii_alphabetic()).then(|| out.to_string())
 }
@@ -370,5 +384,8 @@ mod tests {
         assert_eq!(identifier("--x--").as_deref(), Some("x"));
         assert_eq!(identifier("2d"), None);
         assert_eq!(identifier("Ж"), None);
+        let long = identifier(&"x".repeat(70_000)).unwrap();
+        assert_eq!(long.len(), LONGEST_NAME);
+        assert_eq!(identifier(&long), Some(long.clone()));
     }
 }

@@ -10,7 +10,7 @@ const READER: &str = include_str!("templates/law.py.in");
 pub(super) fn files(input: &Input) -> Vec<File> {
     let name = &input.options.name;
     // The banner stands in a docstring.
-    let banner = comment(&input.description.banner(), "", 96).replace('\\', "/").replace('"', "'");
+    let banner = comment(&input.description.banner(), "", 96);
     let reader = fill(READER, &[("BANNER", &banner), ("P", name)]);
     vec![
         File::text(format!("{name}.json"), json(input.description)),

@@ -10,7 +10,6 @@
 use std::fmt::Write as _;
 
 use super::{ExportError, File, Input};
-use crate::control::axis::Channel;
 use crate::control::law::{Controller, Demand, Horizontal, LawTable, Measurement, NotFinite};
 
 /// Length of the sequence, s.
@@ -205,22 +204,7 @@ pub fn lookup_names(input: &Input) -> Vec<String> {
 
 /// Every number of the law at a speed, from the law itself.
 pub fn lookup(table: &LawTable, speed: f64) -> Vec<f64> {
-    let p = table.at(speed);
-    let i = &p.inversion;
-    let mut out: Vec<f64> = Channel::ALL.iter().flat_map(|c| p.gains[c.index()].array()).collect();
-    out.extend(i.trim.velocity_body);
-    out.extend([i.trim.roll, i.trim.pitch]);
-    out.extend(i.trim.sticks);
-    // nalgebra iterates by columns.
-    let r = &i.reference;
-    out.extend(i.feedback.transpose().iter());
-    out.extend(i.decoupling.transpose().iter());
-    out.extend(i.allocation.transpose().iter());
-    out.extend(r.state.transpose().iter());
-    out.extend(r.input.transpose().iter());
-    out.extend(r.dynamics.transpose().iter());
-    out.extend(r.drive.transpose().iter());
-    out.extend(i.ground_velocity.transpose().iter());
+    let mut out = table.at(speed).flat();
     out.push(table.turn_blend(speed));
     out
 }
@@ -261,6 +245,30 @@ mod tests {
     use super::super::sample;
     use super::*;
     use crate::control::law::ATTITUDE_LIMIT;
+
+    /// The law answers as it did when it was last flown against its exports:
+    /// a regression, every fifth of a second of the sequence.
+    #[test]
+    fn regress_answers_of_the_committed_design() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
+        let schedule =
+            crate::schedule::Schedule::from_json(&read("tests/data/law/coax2d_schedule.json"))
+                .unwrap();
+        let rows = steps(&schedule.law().unwrap(), schedule.stick_limits, 0.01).unwrap();
+        let text = read("tests/data/law/coax2d_steps.csv");
+        let mut compared = 0;
+        for line in text.lines().skip(1) {
+            let numbers: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+            let row = &rows[(numbers[0] / 0.01).round() as usize];
+            for (found, wanted) in row.sticks.iter().zip(&numbers[1..]) {
+                // Of the full travel of 100 %.
+                assert!((found - wanted).abs() < 1e-10, "{found} {wanted} at {} s", numbers[0]);
+            }
+            compared += 1;
+        }
+        assert_eq!(compared, 151);
+    }
 
     /// The sequence does what it is for.
     #[test]

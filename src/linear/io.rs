@@ -10,8 +10,8 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::LinearError;
-use super::model::{Channel, Matrices, PeriodicModel, StateSpace};
-use super::set::ModelSet;
+use super::model::{Channel, Matrices, PeriodicModel, StateSpace, shown_per_si};
+use super::set::{ModelSet, TrimValues};
 use crate::units::{KNOT, Kind, System};
 
 /// Schema of a state-space model.
@@ -31,6 +31,8 @@ pub struct ModelRecord {
     pub interactions: Option<bool>,
     /// The model.
     pub model: StateSpace,
+    /// Trim that it is linearised about, if it is known.
+    pub trim: Option<TrimValues>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -53,6 +55,8 @@ struct ModelFile {
     b: Vec<Vec<f64>>,
     c: Vec<Vec<f64>>,
     d: Vec<Vec<f64>>,
+    x0: Option<Vec<f64>>,
+    u0: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -171,7 +175,21 @@ fn write_model(out: &mut String, record: &ModelRecord, system: System, indent: &
     {
         write_list(out, indent, key, &rows_text(x, indent));
     }
+    if let Some(trim) = &record.trim {
+        for (key, values, list) in
+            [("x0", &trim.states, m.states()), ("u0", &trim.inputs, m.inputs())]
+        {
+            let shown: Vec<String> =
+                shown_values(values, list, system).into_iter().map(number).collect();
+            let _ = write!(out, ",\n{indent}  \"{key}\": [{}]", shown.join(", "));
+        }
+    }
     let _ = write!(out, "\n{indent}}}");
+}
+
+/// Values of channels in the units that people read.
+fn shown_values(values: &[f64], channels: &[Channel], system: System) -> Vec<f64> {
+    values.iter().zip(channels).map(|(v, c)| v * shown_per_si(c.kind, system)).collect()
 }
 
 /// Reads a model that [`to_json`] or another program wrote.
@@ -226,9 +244,27 @@ fn record_of(file: ModelFile) -> Result<ModelRecord, LinearError> {
         c: matrix("c", &file.c, p, n)?,
         d: matrix("d", &file.d, p, m)?,
     };
+    let values = |key: &str, given: &Option<Vec<f64>>, list: &[ChannelFile]| {
+        let Some(given) = given else { return Ok(None) };
+        if given.len() != list.len() {
+            return Err(LinearError::Format(format!(
+                "\"{key}\" has {} values, but its channels ask for {}",
+                given.len(),
+                list.len()
+            )));
+        }
+        let si = given.iter().zip(channels(list)).map(|(v, c)| v / shown_per_si(c.kind, system));
+        Ok(Some(si.collect::<Vec<_>>()))
+    };
+    let trim = match (values("x0", &file.x0, &file.states)?, values("u0", &file.u0, &file.inputs)?)
+    {
+        (Some(states), Some(inputs)) => Some(TrimValues { states, inputs }),
+        _ => None,
+    };
     Ok(ModelRecord {
         speed: file.speed_kt * KNOT,
         interactions: file.interactions,
+        trim,
         model: StateSpace::from_matrices_in(
             system,
             channels(&file.states),
@@ -274,8 +310,12 @@ pub fn set_to_json(set: &ModelSet, system: System) -> String {
     );
     for (k, (speed, model)) in set.speeds().iter().zip(set.models()).enumerate() {
         out.push_str(if k == 0 { "\n    " } else { ",\n    " });
-        let record =
-            ModelRecord { speed: *speed, interactions: set.interactions(), model: model.clone() };
+        let record = ModelRecord {
+            speed: *speed,
+            interactions: set.interactions(),
+            model: model.clone(),
+            trim: set.trims().map(|trims| trims[k].clone()),
+        };
         write_model(&mut out, &record, system, "    ");
     }
     out.push_str("\n  ]\n}\n");
@@ -291,12 +331,18 @@ pub fn set_from_json(text: &str) -> Result<ModelSet, LinearError> {
     check_schema(&file.schema, LTI_SET_SCHEMA)?;
     let mut speeds = Vec::with_capacity(file.models.len());
     let mut models = Vec::with_capacity(file.models.len());
+    let mut trims = Vec::with_capacity(file.models.len());
     for model in file.models {
         let record = record_of(model)?;
         speeds.push(record.speed);
         models.push(record.model);
+        trims.push(record.trim);
     }
-    ModelSet::new(file.interactions, speeds, models)
+    let set = ModelSet::new(file.interactions, speeds, models)?;
+    match trims.into_iter().collect::<Option<Vec<_>>>() {
+        Some(trims) => set.with_trims(trims),
+        None => Ok(set),
+    }
 }
 
 /// The matrices of every sample of a periodic model in shown units.
@@ -391,7 +437,8 @@ pub fn periodic_to_mat(
 
 /// A model as CSV, one entry a line: matrix, row and column with their units,
 /// value. An entry has the row's unit per column's unit; rows of A and B are
-/// rates and have a further 1/s.
+/// rates and have a further 1/s. The trim follows as matrices `x0` and `u0`
+/// without a column.
 ///
 /// # Errors
 /// None that a valid model could cause; the writer's own are passed on.
@@ -426,6 +473,25 @@ pub fn to_csv(record: &ModelRecord, system: System) -> Result<String, LinearErro
             }
         }
     }
+    if let Some(trim) = &record.trim {
+        for (label, values, list) in
+            [("x0", &trim.states, m.states()), ("u0", &trim.inputs, m.inputs())]
+        {
+            for (value, channel) in shown_values(values, list, system).into_iter().zip(list) {
+                writer
+                    .write_record([
+                        speed.as_str(),
+                        label,
+                        &channel.name,
+                        channel.kind.symbol(system),
+                        "",
+                        "",
+                        &number(value),
+                    ])
+                    .map_err(|e| failed(&e))?;
+            }
+        }
+    }
     let bytes = writer.into_inner().map_err(|e| failed(&e))?;
     String::from_utf8(bytes).map_err(|e| failed(&e))
 }
@@ -433,8 +499,8 @@ pub fn to_csv(record: &ModelRecord, system: System) -> Result<String, LinearErro
 /// A model as a MAT file of level 5, uncompressed, little-endian.
 ///
 /// Variables: A, B, C, D, `speed_kt`, `interactions` (1, 0, or NaN if
-/// unknown), and cell columns `state_names`, `state_units`, and so on for inputs
-/// and outputs.
+/// unknown), cell columns `state_names`, `state_units`, and so on for inputs
+/// and outputs, and the trim as columns `x0` and `u0`, if it is known.
 pub fn to_mat(record: &ModelRecord, system: System) -> Vec<u8> {
     let m = &record.model;
     let matrices = m.matrices_in(system);
@@ -446,11 +512,12 @@ pub fn to_mat(record: &ModelRecord, system: System) -> Vec<u8> {
     file.array("speed_kt", &[1, 1], &[knots(record.speed)]);
     file.array("interactions", &[1, 1], &[record.interactions.map_or(f64::NAN, f64::from)]);
     file.channels([m.states(), m.inputs(), m.outputs()], system);
+    file.trims(record.trim.as_slice(), m, system);
     file.bytes
 }
 
 /// A set of models as a MAT file: A, B, C, D are three-dimensional, the last
-/// index running over `speed_kt`.
+/// index running over `speed_kt`, as do the columns of the trims `x0` and `u0`.
 pub fn set_to_mat(set: &ModelSet, system: System) -> Vec<u8> {
     let first = &set.models()[0];
     let all: Vec<Matrices> = set.models().iter().map(|m| m.matrices_in(system)).collect();
@@ -462,6 +529,7 @@ pub fn set_to_mat(set: &ModelSet, system: System) -> Vec<u8> {
     file.array("speed_kt", &[k, 1], &speeds);
     file.array("interactions", &[1, 1], &[set.interactions().map_or(f64::NAN, f64::from)]);
     file.channels([first.states(), first.inputs(), first.outputs()], system);
+    file.trims(set.trims().unwrap_or_default(), first, system);
     file.bytes
 }
 
@@ -541,6 +609,20 @@ impl MatFile {
         self.array("D", &[p, m, k], &joined(|x| &x.d));
     }
 
+    /// Trims of states and inputs, a column a model.
+    fn trims(&mut self, trims: &[TrimValues], model: &StateSpace, system: System) {
+        if trims.is_empty() {
+            return;
+        }
+        let columns = |pick: fn(&TrimValues) -> &[f64], list: &[Channel]| -> Vec<f64> {
+            trims.iter().flat_map(|t| shown_values(pick(t), list, system)).collect()
+        };
+        let x0 = columns(|t| &t.states, model.states());
+        self.array("x0", &[model.states().len(), trims.len()], &x0);
+        let u0 = columns(|t| &t.inputs, model.inputs());
+        self.array("u0", &[model.inputs().len(), trims.len()], &u0);
+    }
+
     /// Names and units of states, inputs and outputs.
     fn channels(&mut self, lists: [&[Channel]; 3], system: System) {
         for (role, list) in ["state", "input", "output"].into_iter().zip(lists) {
@@ -594,13 +676,18 @@ fn numeric(name: &str, dimensions: &[usize], values: &[f64]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::reference::{Condition, appendix};
+
+    /// The models printed for the CoAX 2D: hover and 70 kt.
+    fn printed() -> ModelSet {
+        set_from_json(include_str!("../studies/coax2d/appendix.json")).unwrap()
+    }
 
     fn record() -> ModelRecord {
         ModelRecord {
             speed: 70.0 * KNOT,
             interactions: Some(true),
-            model: appendix(Condition::Forward).unwrap(),
+            model: printed().models()[1].clone(),
+            trim: None,
         }
     }
 
@@ -656,13 +743,29 @@ mod tests {
 
     #[test]
     fn sets_survive_the_round_trip() {
-        let set = ModelSet::new(
-            Some(true),
-            vec![0.0, 70.0 * KNOT],
-            vec![appendix(Condition::Hover).unwrap(), appendix(Condition::Forward).unwrap()],
-        )
-        .unwrap();
+        let set = printed();
         assert_eq!(set_from_json(&set_to_json(&set, System::Si)).unwrap(), set);
+    }
+
+    /// Trims are in the units of their channels, and come back.
+    #[test]
+    fn trims_go_along() {
+        let trim = TrimValues {
+            states: vec![36.0, 0.0, -2.35, 0.0, 0.0, 0.0, 0.01, -0.0653],
+            inputs: vec![50.0, 55.0, 40.0, 48.0],
+        };
+        let with = ModelRecord { trim: Some(trim.clone()), ..record() };
+        assert_eq!(from_json(&to_json(&with, System::Si)).unwrap(), with);
+        let text = to_json(&with, System::Us);
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert!((value["x0"][0].as_f64().unwrap() - 36.0 / 0.3048).abs() < 1e-12);
+        assert!(to_csv(&with, System::Us).unwrap().contains("70.0,u0,lon,%,,,55.0"));
+        let set = ModelSet::new(None, vec![with.speed], vec![with.model.clone()])
+            .and_then(|set| set.with_trims(vec![trim]))
+            .unwrap();
+        assert_eq!(set_from_json(&set_to_json(&set, System::Si)).unwrap(), set);
+        let short = text.replacen("\"u0\": [50.0, ", "\"u0\": [", 1);
+        assert!(from_json(&short).unwrap_err().to_string().contains("\"u0\" has 3 values"));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! orbit, by exact derivatives.
 
 use super::model::{Channel, PeriodicModel, PeriodicSample};
+use super::set::TrimValues;
 use super::{LinearError, StateSpace};
 use crate::numerics::scalar::{Dual, Scalar};
 use crate::problem::STICKS;
@@ -53,6 +54,36 @@ pub struct Linearization {
     /// Largest relative change of the averaged A and B on leaving out every
     /// second sample.
     pub sample_error: f64,
+}
+
+/// Trim values of the states and inputs of a model that was made of a trim: the
+/// means over the orbit, found by name. `None` where a state is none of the
+/// vehicle's, such as a harmonic or a balanced one.
+#[must_use]
+pub fn trim_values(
+    vehicle: &Vehicle,
+    trim: &ConvergedTrim,
+    model: &StateSpace,
+) -> Option<TrimValues> {
+    let point = trim.point();
+    let layout = &vehicle.layout;
+    let mut effectors = vec![0.0; vehicle.effector_count()];
+    vehicle.mix(&point.sticks, &mut effectors);
+    let state = |c: &Channel| {
+        let place = layout.states.iter().position(|s| s.name == c.name)?;
+        point.mean_state.get(place).copied()
+    };
+    let input = |c: &Channel| match STICKS.iter().position(|name| *name == c.name) {
+        Some(stick) => Some(point.sticks[stick]),
+        None => {
+            let place = layout.effectors.iter().position(|e| e.name == c.name)?;
+            effectors.get(place).copied()
+        }
+    };
+    Some(TrimValues {
+        states: model.states().iter().map(state).collect::<Option<_>>()?,
+        inputs: model.inputs().iter().map(input).collect::<Option<_>>()?,
+    })
 }
 
 /// Linearises a vehicle along the orbit of a trim. The number of samples is

@@ -18,7 +18,7 @@
 //! * [`time_response`]: exact responses to steps and doublets.
 //! * [`set`]: models over speed, interpolated and checked at midpoints.
 //! * [`io`]: JSON, CSV and MAT files.
-//! * [`mod@reference`]: the matrices printed in the source paper's appendix.
+//! * [`mat`]: reads MAT files.
 //!
 //! Inside, everything is SI and radians; see [`crate::units`] for the shown
 //! units.
@@ -29,10 +29,10 @@ pub mod frequency;
 pub mod harmonic;
 pub mod io;
 pub mod linearize;
+pub mod mat;
 pub mod model;
 pub mod modes;
 pub mod reduction;
-pub mod reference;
 pub mod set;
 pub mod structure;
 pub mod time_response;

@@ -239,7 +239,6 @@ fn name_of(value: C64, names: &[&str], participation: &[f64]) -> Option<ModeName
 mod tests {
     use super::*;
     use crate::linear::model::Channel;
-    use crate::linear::reference::{Condition, appendix};
     use crate::units::Kind;
     use nalgebra::DMatrix;
 
@@ -283,32 +282,6 @@ mod tests {
         let names: Vec<_> = all.iter().map(|m| m.name).collect();
         assert!(names.contains(&Some(ModeName::PitchOscillation)), "{names:?}");
         assert!(names.contains(&Some(ModeName::PitchSubsidence)), "{names:?}");
-    }
-
-    #[test]
-    fn val_appendix_modes_have_the_structure_of_the_text() {
-        // Hover: two unstable oscillations, one damped coupled pair, and two
-        // slow subsidences (Figure 15 and its discussion).
-        let hover: Vec<_> = modes(&appendix(Condition::Hover).unwrap())
-            .unwrap()
-            .into_iter()
-            .map(|m| m.name)
-            .collect();
-        let count = |name| hover.iter().filter(|n| **n == Some(name)).count();
-        assert_eq!(count(ModeName::CoupledOscillation), 2, "{hover:?}");
-        assert_eq!(count(ModeName::CoupledSubsidence), 1);
-        assert_eq!(count(ModeName::HeaveYawSubsidence), 2);
-        // Forward: the classical set.
-        let forward: Vec<_> = modes(&appendix(Condition::Forward).unwrap())
-            .unwrap()
-            .into_iter()
-            .map(|m| m.name)
-            .collect();
-        for name in
-            [ModeName::Phugoid, ModeName::ShortPeriod, ModeName::DutchRoll, ModeName::SpiralRoll]
-        {
-            assert!(forward.contains(&Some(name)), "{name:?} in {forward:?}");
-        }
     }
 
     #[test]

@@ -19,12 +19,23 @@ pub enum Interpolation {
     Cubic,
 }
 
+/// Trim values of the states and inputs of a model, in their order; SI and
+/// radians.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TrimValues {
+    /// x₀.
+    pub states: Vec<f64>,
+    /// u₀.
+    pub inputs: Vec<f64>,
+}
+
 /// Models with the same channels at increasing speeds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelSet {
     interactions: Option<bool>,
     speeds: Vec<f64>,
     models: Vec<StateSpace>,
+    trims: Option<Vec<TrimValues>>,
 }
 
 impl ModelSet {
@@ -60,7 +71,29 @@ impl ModelSet {
                 )));
             }
         }
-        Ok(Self { interactions, speeds, models })
+        Ok(Self { interactions, speeds, models, trims: None })
+    }
+
+    /// The same set with the trims of its models.
+    ///
+    /// # Errors
+    /// A number of trims, or of values in one, that does not fit.
+    pub fn with_trims(mut self, trims: Vec<TrimValues>) -> Result<Self, LinearError> {
+        let fits = |(trim, model): (&TrimValues, &StateSpace)| {
+            trim.states.len() == model.states().len() && trim.inputs.len() == model.inputs().len()
+        };
+        if trims.len() != self.models.len() || !trims.iter().zip(&self.models).all(fits) {
+            return Err(LinearError::Domain(
+                "a model set needs one trim a model, with a value for every state and input".into(),
+            ));
+        }
+        self.trims = Some(trims);
+        Ok(self)
+    }
+
+    /// Trims, one a model, if they are known.
+    pub fn trims(&self) -> Option<&[TrimValues]> {
+        self.trims.as_deref()
     }
 
     /// Whether rotor-on-rotor interactions were on; `None` if unknown.

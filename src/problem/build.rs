@@ -17,6 +17,19 @@ const TIP_MACH_WARNING: f64 = 0.95;
 /// Relative slack of the triangle inequality, for printed, rounded inertias.
 const TRIANGLE_SLACK: f64 = 1e-9;
 
+/// Keys that belong to some kinds of hub only.
+const HUB_KEYS: [(&str, &[&str]); 9] = [
+    ("undersling", &["teetering", "gimballed"]),
+    ("teeter_spring", &["teetering"]),
+    ("delta_3", &["teetering", "gimballed", "articulated", "hingeless"]),
+    ("hinge_offset", &["articulated", "hingeless"]),
+    ("flap_spring", &["articulated"]),
+    ("flap_frequency", &["hingeless"]),
+    ("flap_damping", &["articulated", "hingeless"]),
+    ("gimbal_spring", &["gimballed"]),
+    ("gimbal_damping", &["gimballed"]),
+];
+
 /// What the builder needs of the loader.
 pub(super) trait Host {
     fn finding(
@@ -67,7 +80,13 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
             rotor_tables.iter().any(|(_, rotor)| rotor.choice("hub") == Some("teetering"));
         formulation(host, table, teeters)
     });
-    let rotor_names: Vec<&str> = rotor_tables.iter().map(|(name, _)| name.as_str()).collect();
+    if let Some(formulation) = &formulation {
+        averages(host, formulation, rotor_tables);
+    }
+    let rotor_names: Vec<(&str, f64)> = rotor_tables
+        .iter()
+        .map(|(name, table)| (name.as_str(), table.number("speed").unwrap_or(0.0)))
+        .collect();
     let controls =
         root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
     Some(Problem {
@@ -120,15 +139,18 @@ fn mass(host: &mut dyn Host, table: &CheckedTable) -> Option<MassProperties> {
         let value = Kind::Inertia.from_si(moment, System::Us);
         format!("{value:.1}")
     });
-    let fault = if principal[0] <= 0.0 {
-        "the inertia tensor is not positive definite"
+    let (severity, fault) = if principal[0] <= 0.0 {
+        (Severity::Error, "the inertia tensor is not positive definite")
     } else if principal[0] + principal[1] < principal[2] * (1.0 - TRIANGLE_SLACK) {
-        "no body has this inertia: one principal moment is larger than the sum of the others"
+        let fault =
+            "no body has this inertia: one principal moment is larger than the sum of the others";
+        (Severity::Warning, fault)
     } else {
         return Some(mass);
     };
+    let usable = severity == Severity::Warning;
     host.finding(
-        Severity::Error,
+        severity,
         table.place("i_xx"),
         &table.path,
         format!("{fault} (principal moments {} slug ft^2)", shown.join(", ")),
@@ -136,7 +158,7 @@ fn mass(host: &mut dyn Host, table: &CheckedTable) -> Option<MassProperties> {
          i_xx = \"446 slug ft^2\""
             .into(),
     );
-    None
+    usable.then_some(mass)
 }
 
 /// Every body has a name of its own, since results are filed by name.
@@ -191,12 +213,43 @@ fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
         let read = host.airfoil(path, table.place("table"), &table.key_path("table"));
         return read.map(Airfoil::Table);
     }
+    analytic_warnings(host, table);
     Some(Airfoil::Analytic {
         lift_slope: table.number("lift_slope")?,
         zero_lift_angle: table.number("zero_lift_angle")?,
         drag: table.number("drag")?,
         small_angles: table.flag("small_angles")?,
     })
+}
+
+/// What no section does, by rule.
+fn analytic_warnings(host: &mut dyn Host, table: &CheckedTable) {
+    let mut warn = |key: &str, message: String, help: &str| {
+        let path = table.key_path(key);
+        host.finding(Severity::Warning, table.place(key), &path, message, help.into());
+    };
+    if let Some(drag) = table.number("drag") {
+        if drag == 0.0 {
+            warn(
+                "drag",
+                "the section has no drag".into(),
+                "powers will be those of an ideal rotor or wing; sections have about 0.01",
+            );
+        } else if !(0.0008..=0.2).contains(&drag) {
+            warn(
+                "drag",
+                format!("a drag coefficient of {drag} is unusual"),
+                "a smooth plate has at least 0.0008, and sections in use have about 0.01",
+            );
+        }
+    }
+    if let Some(slope) = table.number("lift_slope").filter(|slope| !(2.0..=10.0).contains(slope)) {
+        warn(
+            "lift_slope",
+            format!("a lift slope of {slope:.3} 1/rad is unusual"),
+            "thin airfoils have 6.28 1/rad; check the unit",
+        );
+    }
 }
 
 /// Speed of sound of the standard troposphere, m/s, for the check of tip
@@ -212,6 +265,29 @@ fn rotor(
     table: &CheckedTable,
     atmosphere: Option<&AtmosphereConditions>,
 ) -> Option<Rotor> {
+    if table.given("motor") && table.given("governor") {
+        host.finding(
+            Severity::Error,
+            table.place("motor"),
+            &table.key_path("motor"),
+            "a rotor has a motor or a governor".into(),
+            "remove one of them".into(),
+        );
+        return None;
+    }
+    if table.given("motor") && table.choice("azimuth") == Some("resolved") {
+        host.finding(
+            Severity::Error,
+            table.place("azimuth"),
+            &table.key_path("azimuth"),
+            "a rotor whose speed the sticks command has no period to be resolved in".into(),
+            "remove it".into(),
+        );
+        return None;
+    }
+    if let Some(coefficients) = table.table("coefficients") {
+        return rotor_by_coefficients(name, table, coefficients);
+    }
     let position = table.table("position").and_then(station);
     let section = table.table("airfoil").and_then(|table| airfoil(host, table));
     let mut sound = true;
@@ -229,6 +305,43 @@ fn rotor(
             format!("a teetering hub has two blades, not {count}"),
             "write blades = 2, or hub = \"rigid\"".into(),
         );
+    }
+    if let (Some("articulated" | "hingeless"), Some(offset), Some(radius), Some(cutout)) =
+        (hub, table.number("hinge_offset"), table.number("radius"), table.number("root_cutout"))
+        && offset > cutout * radius
+    {
+        fault(
+            "hinge_offset",
+            "the lifting blade would begin inboard of its flap hinge".into(),
+            format!("write root_cutout = {:.4} or more", offset / radius),
+        );
+    }
+    if hub == Some("hingeless") {
+        match (
+            table.number("flap_frequency"),
+            table.number("hinge_offset"),
+            table.number("blade_first_moment"),
+            table.number("blade_second_moment"),
+        ) {
+            (None, ..) if !table.given("flap_frequency") => fault(
+                "flap_frequency",
+                "missing key: a hingeless hub needs it".into(),
+                "add it, such as flap_frequency = 1.1".into(),
+            ),
+            (Some(frequency), Some(offset), Some(first), Some(second))
+                if frequency * frequency < 1.0 + offset * first / second =>
+            {
+                fault(
+                    "flap_frequency",
+                    "is below that of a free hinge at `hinge_offset`".into(),
+                    format!(
+                        "write {:.4} or more, or a smaller offset",
+                        (1.0 + offset * first / second).sqrt()
+                    ),
+                );
+            }
+            _ => {}
+        }
     }
     if let (Some(cutout), Some(tip)) = (table.number("root_cutout"), table.number("tip_loss"))
         && cutout >= tip
@@ -277,6 +390,24 @@ fn rotor(
             spring: table.number("teeter_spring")?,
             delta_3: table.number("delta_3")?,
         },
+        "gimballed" => HubKind::Gimballed {
+            undersling: table.number("undersling")?,
+            spring: table.number("gimbal_spring")?,
+            damping: table.number("gimbal_damping")?,
+            delta_3: table.number("delta_3")?,
+        },
+        "articulated" => HubKind::Articulated {
+            hinge_offset: table.number("hinge_offset")?,
+            spring: table.number("flap_spring")?,
+            damping: table.number("flap_damping")?,
+            delta_3: table.number("delta_3")?,
+        },
+        "hingeless" => HubKind::Hingeless {
+            hinge_offset: table.number("hinge_offset")?,
+            frequency: table.number("flap_frequency")?,
+            damping: table.number("flap_damping")?,
+            delta_3: table.number("delta_3")?,
+        },
         _ => HubKind::Rigid,
     };
     let governor = match table.table("governor") {
@@ -288,10 +419,7 @@ fn rotor(
         hub: position?,
         cant: table.number("cant")?,
         tilt: table.number("tilt")?,
-        direction: match table.choice("direction")? {
-            "clockwise" => Direction::Clockwise,
-            _ => Direction::CounterClockwise,
-        },
+        direction: direction(table)?,
         blades: table.count("blades")?,
         radius: table.number("radius")?,
         chord: table.spanwise("chord")?,
@@ -309,6 +437,82 @@ fn rotor(
         speed: table.number("speed")?,
         azimuth_offset: table.number("azimuth_offset")?,
         governor,
+        motor: motor(table),
+        coefficients: None,
+        azimuth: azimuth(table),
+    })
+}
+
+/// How the rotor turns; a motor with a commanded speed leaves no choice.
+fn azimuth(table: &CheckedTable) -> Option<AzimuthModel> {
+    if table.given("motor") {
+        return Some(AzimuthModel::Averaged);
+    }
+    table.choice("azimuth").map(|word| match word {
+        "averaged" => AzimuthModel::Averaged,
+        _ => AzimuthModel::Resolved,
+    })
+}
+
+fn motor(table: &CheckedTable) -> Option<Motor> {
+    let motor = table.table("motor")?;
+    Some(Motor { time_constant: motor.number("time_constant")? })
+}
+
+/// A rotor without blades: what only blades have is zero.
+fn rotor_by_coefficients(
+    name: &str,
+    table: &CheckedTable,
+    coefficients: &CheckedTable,
+) -> Option<Rotor> {
+    let none = Spanwise { station: vec![0.0], value: vec![0.0] };
+    let governor = match table.table("governor") {
+        Some(governor) => Some(Governor { time_constant: governor.number("time_constant")? }),
+        None => None,
+    };
+    Some(Rotor {
+        name: name.into(),
+        hub: table.table("position").and_then(station)?,
+        cant: table.number("cant")?,
+        tilt: table.number("tilt")?,
+        direction: direction(table)?,
+        blades: 1,
+        radius: table.number("radius")?,
+        chord: none.clone(),
+        twist: none,
+        root_cutout: 0.0,
+        tip_loss: 1.0,
+        elements: 1,
+        airfoil: Airfoil::Analytic {
+            lift_slope: 0.0,
+            zero_lift_angle: 0.0,
+            drag: 0.0,
+            small_angles: false,
+        },
+        precone: 0.0,
+        blade_mass: 0.0,
+        blade_first_moment: 0.0,
+        blade_second_moment: 0.0,
+        hub_kind: HubKind::Rigid,
+        swashplate_phase: 0.0,
+        speed: table.number("speed")?,
+        azimuth_offset: table.number("azimuth_offset")?,
+        governor,
+        motor: motor(table),
+        coefficients: Some(RotorCoefficients {
+            thrust: coefficients.number("thrust")?,
+            torque: coefficients.number("torque")?,
+            drag: coefficients.number("drag")?,
+            inertia: coefficients.number("inertia")?,
+        }),
+        azimuth: Some(AzimuthModel::Averaged),
+    })
+}
+
+fn direction(table: &CheckedTable) -> Option<Direction> {
+    Some(match table.choice("direction")? {
+        "clockwise" => Direction::Clockwise,
+        _ => Direction::CounterClockwise,
     })
 }
 
@@ -349,13 +553,14 @@ fn rotor_warnings(
             );
         }
     }
-    if table.choice("hub") == Some("rigid") {
-        for key in ["undersling", "teeter_spring", "delta_3"] {
-            if table.given(key) {
+    if let Some(hub) = table.choice("hub") {
+        for (key, hubs) in HUB_KEYS {
+            if table.given(key) && !hubs.contains(&hub) {
+                let article = if hub == "articulated" { "an" } else { "a" };
                 warn(
                     key,
-                    "has no meaning for a rigid hub, and is ignored".into(),
-                    "remove it, or write hub = \"teetering\"".into(),
+                    format!("has no meaning for {article} {hub} hub, and is ignored"),
+                    format!("remove it, or write hub = \"{}\"", hubs[0]),
                 );
             }
         }
@@ -430,17 +635,42 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
             })
         })
     };
+    let incidence_schedule = match table.table("incidence_schedule") {
+        Some(schedule) => Some(incidence_schedule(host, schedule)?),
+        None => None,
+    };
     Some(Wing {
         name: name.into(),
         aerodynamic_center: position?,
         span: table.number("span")?,
         chord: table.spanwise("chord")?,
         incidence: table.number("incidence")?,
+        incidence_schedule,
         cant: table.number("cant")?,
         dihedral: table.number("dihedral")?,
         model: model?,
         wash: wash(table)?,
     })
+}
+
+fn incidence_schedule(host: &mut dyn Host, table: &CheckedTable) -> Option<IncidenceSchedule> {
+    let (airspeed, incidence) = (table.number_list("airspeed")?, table.number_list("incidence")?);
+    let increasing = airspeed.windows(2).all(|pair| pair[0] < pair[1]);
+    let fault = if airspeed.len() < 2 || !increasing {
+        "airspeeds must increase strictly, and be two or more".to_owned()
+    } else if incidence.len() != airspeed.len() {
+        format!("there are {} airspeeds but {} incidences", airspeed.len(), incidence.len())
+    } else {
+        return Some(IncidenceSchedule { airspeed, incidence });
+    };
+    host.finding(
+        Severity::Error,
+        table.place("airspeed"),
+        &table.key_path("airspeed"),
+        fault,
+        "write as many of both, such as airspeed = [\"0 kt\", \"80 kt\"]".into(),
+    );
+    None
 }
 
 fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
@@ -457,6 +687,26 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
         },
         wash_core: table.number("wash_core")?,
     })
+}
+
+/// Published formulas of teetering blades are for rotors that are resolved.
+fn averages(host: &mut dyn Host, formulation: &Formulation, rotors: &[(String, CheckedTable)]) {
+    let exact =
+        formulation.teeter_torque_tilt && formulation.teeter_equation == TeeterEquation::Exact;
+    for (_, table) in rotors {
+        let averaged = table.choice("azimuth") == Some("averaged");
+        if averaged && table.choice("hub") == Some("teetering") && !exact {
+            host.finding(
+                Severity::Error,
+                table.place("azimuth"),
+                &table.key_path("azimuth"),
+                "a teetering rotor is averaged with exact mechanics only".into(),
+                "write azimuth = \"resolved\", or remove `teeter_torque_tilt` and \
+                 `teeter_equation` from [formulation]"
+                    .into(),
+            );
+        }
+    }
 }
 
 /// `teeters`: whether there is a teetering rotor.
@@ -490,13 +740,13 @@ fn formulation(host: &mut dyn Host, table: &CheckedTable, teeters: bool) -> Opti
 fn controls(
     host: &mut dyn Host,
     table: &CheckedTable,
-    rotors: &[&str],
+    rotors: &[(&str, f64)],
     lenient: bool,
 ) -> Option<Controls> {
     let mixes = table.named("mix");
     for (name, mix) in mixes {
-        if !rotors.contains(&name.as_str()) && !rotors.is_empty() {
-            let help = nearest_help(name, rotors.iter().copied(), "rotors");
+        if !rotors.iter().any(|(rotor, _)| rotor == name) && !rotors.is_empty() {
+            let help = nearest_help(name, rotors.iter().map(|(rotor, _)| *rotor), "rotors");
             host.finding(
                 Severity::Error,
                 &mix.place,
@@ -509,8 +759,9 @@ fn controls(
     let mut mix = Vec::new();
     let mut collective_limits = Vec::new();
     let mut cyclic_limits = Vec::new();
+    let mut speed_limits = Vec::new();
     let mut whole = true;
-    for rotor in rotors {
+    for (rotor, speed) in rotors {
         let Some((_, entry)) = mixes.iter().find(|(name, _)| name == rotor) else {
             if !lenient && table.given("mix") {
                 host.finding(
@@ -527,10 +778,14 @@ fn controls(
             whole = false;
             continue;
         };
-        match (rotor_mix(entry), entry.numbers("collective_limits"), entry.numbers("cyclic_limits"))
-        {
-            (Some(one), Some(collective), Some(cyclic)) => {
-                if [one.theta_0, one.theta_1c, one.theta_1s]
+        match (
+            rotor_mix(entry, *speed),
+            entry.numbers("collective_limits"),
+            entry.numbers("cyclic_limits"),
+            entry.numbers("speed_limits"),
+        ) {
+            (Some(one), Some(collective), Some(cyclic), Some(speeds)) => {
+                if [one.theta_0, one.theta_1c, one.theta_1s, one.speed]
                     .iter()
                     .flatten()
                     .all(|gearing| *gearing == 0.0)
@@ -539,13 +794,14 @@ fn controls(
                         Severity::Warning,
                         &entry.place,
                         &entry.path,
-                        "no stick moves the blades of this rotor".into(),
+                        "no stick moves this rotor".into(),
                         "add a gearing, such as theta_0 = { col = \"20 deg/100%\" }".into(),
                     );
                 }
                 mix.push(one);
                 collective_limits.push(collective);
                 cyclic_limits.push(cyclic);
+                speed_limits.push(speeds);
             }
             _ => whole = false,
         }
@@ -554,10 +810,11 @@ fn controls(
     for (limits, stick) in stick_limits.iter_mut().zip(STICKS) {
         *limits = table.table(stick)?.numbers("limits")?;
     }
-    whole.then_some(Controls { stick_limits, mix, collective_limits, cyclic_limits })
+    whole.then_some(Controls { stick_limits, mix, collective_limits, cyclic_limits, speed_limits })
 }
 
-fn rotor_mix(table: &CheckedTable) -> Option<RotorMix> {
+/// `speed`: nominal speed of the rotor, rad/s.
+fn rotor_mix(table: &CheckedTable, speed: f64) -> Option<RotorMix> {
     let gearing = |key: &str| -> Option<[f64; 4]> {
         let table = table.table(key)?;
         let mut values = [0.0; 4];
@@ -576,5 +833,7 @@ fn rotor_mix(table: &CheckedTable) -> Option<RotorMix> {
             rigging.number("theta_1c")?,
             rigging.number("theta_1s")?,
         ],
+        speed: gearing("speed")?,
+        speed_rigging: table.table("speed")?.number("rigging").unwrap_or(speed),
     })
 }

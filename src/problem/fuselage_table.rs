@@ -1,7 +1,7 @@
 //! Fuselage load tables as comma-separated text.
 
 use super::FuselageTable;
-use super::c81::TableError;
+use super::c81::{Read, TableError};
 use crate::units::{DEGREE, FOOT};
 
 /// Header of a table in feet; one in metres has `_m2` and `_m3`.
@@ -17,6 +17,15 @@ const HELP: &str = "the header is alpha_deg,beta_deg,x_ft2,y_ft2,z_ft2,l_ft3,m_f
 /// On the first line that does not follow the format, and on a grid that is
 /// not full or has fewer than two angles either way.
 pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
+    read(text).map(|read| read.table)
+}
+
+/// As [`parse`], with what is odd about the values.
+///
+/// # Errors
+/// As [`parse`].
+pub fn read(text: &str) -> Result<Read<FuselageTable>, TableError> {
+    let text = text.trim_start_matches('\u{feff}');
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -69,10 +78,15 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
                     _ => scale * scale * scale,
                 };
         }
-        if rows.iter().any(|(other, _)| other[..2] == row[..2]) {
-            return Err(fault(line, "this pair of angles has been given before".into()));
-        }
+        bounds(&row).map_err(|message| fault(line, message))?;
         rows.push((row, line));
+    }
+    // Equal angles side by side; `+ 0.0` makes −0 to 0.
+    rows.iter_mut().for_each(|(row, _)| row.iter_mut().for_each(|value| *value += 0.0));
+    rows.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    if let Some(pair) = rows.windows(2).find(|pair| pair[0].0[..2] == pair[1].0[..2]) {
+        let line = pair[0].1.max(pair[1].1);
+        return Err(fault(line, "this pair of angles has been given before".into()));
     }
     let axis = |index: usize| {
         let mut angles: Vec<f64> = rows.iter().map(|(row, _)| row[index]).collect();
@@ -81,7 +95,7 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
         angles
     };
     let (angle_of_attack, sideslip) = (axis(0), axis(1));
-    let last = rows.last().map_or(1, |(_, line)| *line);
+    let last = rows.iter().map(|(_, line)| *line).max().unwrap_or(1);
     if angle_of_attack.len() < 2 || sideslip.len() < 2 {
         return Err(fault(last, "fewer than two angles of attack or of sideslip".into()));
     }
@@ -96,12 +110,62 @@ pub fn parse(text: &str) -> Result<FuselageTable, TableError> {
             ),
         ));
     }
-    rows.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    Ok(FuselageTable {
+    let remarks = plausible(&rows);
+    let table = FuselageTable {
         angle_of_attack,
         sideslip,
         loads: std::array::from_fn(|load| rows.iter().map(|(row, _)| row[load + 2]).collect()),
-    })
+    };
+    Ok(Read { table, remarks })
+}
+
+/// Largest force per dynamic pressure, ft²: that of equivalent flat plates.
+const LARGEST_AREA: f64 = 10_000.0;
+/// Largest moment per dynamic pressure, ft³: that area on an arm of 100 ft.
+const LARGEST_VOLUME: f64 = 1_000_000.0;
+
+/// Whether a row holds angles and loads of a fuselage.
+fn bounds(row: &[f64; 8]) -> Result<(), String> {
+    let slack = 1.0 + 1e-9;
+    for (index, value) in row.iter().enumerate() {
+        let (unit, most, shown) = match index {
+            0 => (DEGREE, 180.0, "deg"),
+            1 => (DEGREE, 90.0, "deg"),
+            2..=4 => (FOOT * FOOT, LARGEST_AREA, "ft^2"),
+            _ => (FOOT * FOOT * FOOT, LARGEST_VOLUME, "ft^3"),
+        };
+        if value.abs() > most * unit * slack {
+            return Err(format!(
+                "{} is {:.3e} {shown}: no fuselage has more than {most} {shown} either way",
+                COLUMNS[index],
+                value / unit
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What no fuselage does, by rule; each rule at its first line.
+fn plausible(rows: &[([f64; 8], usize)]) -> Vec<TableError> {
+    let mut remarks = Vec::new();
+    let mut rule = |odd: &dyn Fn(&[f64; 8]) -> bool, message: &str, help: &str| {
+        if let Some((_, line)) = rows.iter().filter(|(row, _)| odd(row)).min_by_key(|row| row.1) {
+            remarks.push(TableError { line: *line, message: message.into(), help: help.into() });
+        }
+    };
+    rule(
+        &|row| row[0].abs() < 0.5 && row[1].abs() < 0.5 && row[2] > 0.0,
+        "the drag is negative: in flow from ahead the force along x pushes forward",
+        "x points forward, so that drag is a negative x",
+    );
+    if rows.iter().all(|(row, _)| row[2] == 0.0) {
+        rule(
+            &|_| true,
+            "the fuselage has no drag: x is zero throughout",
+            "powers in forward flight will be too low; give the drag of the fuselage",
+        );
+    }
+    remarks
 }
 
 #[cfg(test)]
@@ -125,6 +189,34 @@ mod tests {
         assert_eq!(table.loads[5][2], 6.0 * cube);
     }
 
+    /// 40,000 rows in any order: no pair of rows is compared twice.
+    #[test]
+    fn large_grids_are_read() {
+        let mut text = String::from(HEADER);
+        for i in 0..200 {
+            for j in (0..200).rev() {
+                text += &format!("{},{},-1,0,0,0,0,0\n", 0.5 * f64::from(i), 0.25 * f64::from(j));
+            }
+        }
+        assert_eq!(parse(&text).unwrap().loads[0].len(), 40_000);
+    }
+
+    #[test]
+    fn implausible_drag_is_remarked() {
+        let rows = |x: [f64; 4]| {
+            format!(
+                "{HEADER}0,0,{},0,0,0,0,0\n0,9,{},0,0,0,0,0\n9,0,{},0,0,0,0,0\n9,9,{},0,0,0,0,0\n",
+                x[0], x[1], x[2], x[3]
+            )
+        };
+        assert_eq!(read(&rows([-5.0; 4])).unwrap().remarks, []);
+        let remarks = read(&rows([5.0, -1.0, -1.0, -1.0])).unwrap().remarks;
+        assert!(remarks.len() == 1 && remarks[0].line == 2, "{remarks:?}");
+        assert!(remarks[0].message.contains("drag is negative"));
+        let remarks = read(&rows([0.0; 4])).unwrap().remarks;
+        assert!(remarks.len() == 1 && remarks[0].message.contains("no drag"), "{remarks:?}");
+    }
+
     #[test]
     fn faults_name_their_line() {
         for (body, line) in [
@@ -133,6 +225,10 @@ mod tests {
             ("0,0,1,1,1,1,1,x\n", 2),
             ("0,0,1,1,1,1,1,inf\n", 2),
             ("0,0,1,1,1,1,1,1\n1,1,1,1,1,1,1,1\n2,0,1,1,1,1,1,1\n", 4),
+            ("0,0,-1e9,1,1,1,1,1\n", 2),
+            ("0,0,1,1,1,1,1,-1e7\n", 2),
+            ("0,95,1,1,1,1,1,1\n", 2),
+            ("200,0,1,1,1,1,1,1\n", 2),
             ("", 1),
         ] {
             assert_eq!(parse(&format!("{HEADER}{body}")).unwrap_err().line, line, "{body}");

@@ -54,8 +54,10 @@ pub struct Bounds {
 /// What may stand at a key.
 #[derive(Debug)]
 pub enum Value {
-    /// Any text but an empty one.
+    /// A line of text: see [`check_line`](super::check_line).
     Text,
+    /// A name that every export can hold: see [`check_name`](super::check_name).
+    Name,
     /// Path of a file, relative to the file that names it.
     Path,
     /// `true` or `false`.
@@ -342,6 +344,49 @@ static GOVERNOR: Table = Table {
     alternatives: &[],
 };
 
+static MOTOR: Table = Table {
+    doc: "A motor whose speed the sticks command: Ω' = (Ω_cmd - Ω)/τ, with Ω_cmd from \
+          `[controls.mix.NAME]`. Such a rotor is averaged over its azimuth.",
+    keys: &[required(
+        "time_constant",
+        Value::Quantity(Kind::Time, above_to("0 s", "1000 s")),
+        "Time constant τ.",
+    )],
+    alternatives: &[],
+};
+
+static COEFFICIENTS: Table = Table {
+    doc: "A rigid rotor by coefficients in place of blades, as small multicopters are given: \
+          thrust T = k Ω², torque Q = κ T, and a force against its motion across the shaft of \
+          k_d Ω v. It has no inflow, and no wash on others.",
+    keys: &[
+        required(
+            "thrust",
+            Value::Quantity(Kind::ThrustFactor, above_to("0 N s^2/rad^2", "1000000 N s^2/rad^2")),
+            "Thrust factor k.",
+        ),
+        required(
+            "torque",
+            Value::Quantity(Kind::Length, from_to("0 m", "100 m")),
+            "Torque over thrust κ.",
+        ),
+        default(
+            "drag",
+            Value::Quantity(Kind::DragFactor, from_to("0 N s^2/m/rad", "1000000 N s^2/m/rad")),
+            "\"0 N s^2/m/rad\"",
+            "Drag factor k_d.",
+        ),
+        default(
+            "inertia",
+            Value::Quantity(Kind::Inertia, from_to("0 kg m^2", "1000000 kg m^2")),
+            "\"0 kg m^2\"",
+            "Moment of inertia of what turns, about the shaft: gyroscopic moments, and the reaction \
+             of a rotor that speeds up.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 static ROTOR: Table = Table {
     doc: "A rotor: `[rotors.NAME]`, with a name of your choice. At least one is needed. The \
           order in the file is the order in every result.",
@@ -349,7 +394,8 @@ static ROTOR: Table = Table {
         required(
             "position",
             Value::Table(&STATION),
-            "Hub: the teeter hinge, or the shaft end of a rigid rotor.",
+            "Hub: the teeter hinge or gimbal, or the point of the shaft at the height of the flap hinges or \
+             of rigid blades.",
         ),
         default(
             "cant",
@@ -420,14 +466,63 @@ static ROTOR: Table = Table {
             Value::Choice(&[
                 ("teetering", "two blades on one teeter hinge"),
                 ("rigid", "blades that neither flap nor teeter"),
+                ("gimballed", "blades that tilt together on a gimbal"),
+                ("articulated", "blades that flap each about a hinge of its own"),
+                ("hingeless", "the same with the spring that gives a flap frequency"),
             ]),
             "How the blades are joined to the shaft.",
+        ),
+        default(
+            "hinge_offset",
+            Value::Quantity(Kind::Length, from_to("0 ft", "50 ft")),
+            "\"0 ft\"",
+            "Distance e of the flap hinge from the shaft; of a hingeless rotor that of the hinge \
+             that stands for its bending. First and second moment of the blade are about it. \
+             Articulated and hingeless hubs only.",
+        ),
+        default(
+            "flap_spring",
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
+            "\"0 lbf ft/rad\"",
+            "Spring about the flap hinge of each blade. Articulated hubs only.",
+        ),
+        optional(
+            "flap_frequency",
+            Value::Number(from_to("1", "5")),
+            "the hub is not hingeless",
+            "Flap frequency in vacuo at nominal speed, per revolution: gives the spring \
+             K = I_β Ω² (ν² − 1 − e M_β/I_β). Hingeless hubs only, which need it.",
+        ),
+        default(
+            "flap_damping",
+            Value::Quantity(
+                Kind::AngularDamping,
+                from_to("0 lbf ft s/rad", "10000000 lbf ft s/rad"),
+            ),
+            "\"0 lbf ft s/rad\"",
+            "Damper about the flap hinge of each blade. Articulated and hingeless hubs only.",
+        ),
+        default(
+            "gimbal_spring",
+            Value::Quantity(Kind::AngularStiffness, from_to("0 lbf ft/rad", "10000000 lbf ft/rad")),
+            "\"0 lbf ft/rad\"",
+            "Spring of the gimbal against tilt about any axis. Gimballed hubs only.",
+        ),
+        default(
+            "gimbal_damping",
+            Value::Quantity(
+                Kind::AngularDamping,
+                from_to("0 lbf ft s/rad", "10000000 lbf ft s/rad"),
+            ),
+            "\"0 lbf ft s/rad\"",
+            "Damping of the gimbal's tilt in the turning frame. Gimballed hubs only.",
         ),
         default(
             "undersling",
             Value::Quantity(Kind::Length, from_to("-10 ft", "10 ft")),
             "\"0 ft\"",
-            "Distance of the blade attachment below the teeter hinge. Teetering hubs only.",
+            "Distance of the blade attachment below the teeter hinge or gimbal. Teetering and gimballed \
+             hubs only.",
         ),
         default(
             "teeter_spring",
@@ -439,7 +534,8 @@ static ROTOR: Table = Table {
             "delta_3",
             Value::Quantity(Kind::Angle, above_below("-80 deg", "80 deg")),
             "\"0 deg\"",
-            "Pitch-flap coupling δ3: the pitch changes by β_T tan δ3. Teetering hubs only.",
+            "Pitch-flap coupling δ3: the pitch changes by β tan δ3 with the flap angle β, precone left \
+             out. Any hub but a rigid one.",
         ),
         default(
             "swashplate_phase",
@@ -464,8 +560,64 @@ static ROTOR: Table = Table {
             "the speed is held exactly",
             "Rotor-speed governor; makes the speed a state.",
         ),
+        optional(
+            "motor",
+            Value::Table(&MOTOR),
+            "the sticks do not command the speed",
+            "Motor with a commanded speed; makes the speed a state. Not beside `governor`.",
+        ),
+        optional(
+            "coefficients",
+            Value::Table(&COEFFICIENTS),
+            "the rotor has blades",
+            "Thrust and torque by coefficients in place of blades.",
+        ),
+        optional(
+            "azimuth",
+            Value::Choice(&[
+                (
+                    "resolved",
+                    "its blades stand where they stand, and the flight repeats itself \
+                              with their passages",
+                ),
+                (
+                    "averaged",
+                    "its loads are their means over all azimuths at each instant, as if \
+                              its blades were many, at any speed",
+                ),
+            ]),
+            "resolved where the flight then repeats itself within four blade passages of the \
+             slowest rotor, else averaged",
+            "How the turn of the rotor enters the dynamics.",
+        ),
     ],
-    alternatives: &[],
+    alternatives: &[
+        &[
+            "blades",
+            "chord",
+            "twist",
+            "root_cutout",
+            "tip_loss",
+            "elements",
+            "airfoil",
+            "precone",
+            "blade_mass",
+            "blade_first_moment",
+            "blade_second_moment",
+            "hub",
+            "hinge_offset",
+            "flap_spring",
+            "flap_frequency",
+            "flap_damping",
+            "gimbal_spring",
+            "gimbal_damping",
+            "undersling",
+            "teeter_spring",
+            "delta_3",
+            "swashplate_phase",
+        ],
+        &["coefficients"],
+    ],
 };
 
 static STRIPS: Table = Table {
@@ -520,6 +672,23 @@ static FINITE: Table = Table {
     alternatives: &[],
 };
 
+static INCIDENCE_SCHEDULE: Table = Table {
+    doc: "Incidence over true airspeed: a smooth curve through the points, held beyond the ends.",
+    keys: &[
+        required(
+            "airspeed",
+            Value::Quantities(0, Kind::Airspeed, from_to("0 kt", "1000 kt")),
+            "Airspeeds, strictly increasing, two or more.",
+        ),
+        required(
+            "incidence",
+            Value::Quantities(0, Kind::Angle, from_to("-90 deg", "90 deg")),
+            "Incidence at each of them, positive leading edge up.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 static WING: Table = Table {
     doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
           from the body axes by a rotation about x by `cant`; the span runs along the turned y \
@@ -543,6 +712,12 @@ static WING: Table = Table {
             Value::Quantity(Kind::Angle, from_to("-90 deg", "90 deg")),
             "\"0 deg\"",
             "Incidence, positive leading edge up.",
+        ),
+        optional(
+            "incidence_schedule",
+            Value::Table(&INCIDENCE_SCHEDULE),
+            "the incidence is fixed",
+            "Incidence that follows the airspeed, as of a stabilator. It adds to `incidence`.",
         ),
         default(
             "cant",
@@ -741,6 +916,26 @@ static GEARINGS: Table = Table {
     alternatives: &[],
 };
 
+const SPEED_GEARING: Value =
+    Value::Quantity(Kind::AngularRatePerPercent, from_to("-10000 rad/s/100%", "10000 rad/s/100%"));
+
+static SPEED_GEARINGS: Table = Table {
+    doc: "Commanded speed per stick travel.",
+    keys: &[
+        default("lat", SPEED_GEARING, "\"0 rad/s/100%\"", "From the lateral stick."),
+        default("lon", SPEED_GEARING, "\"0 rad/s/100%\"", "From the longitudinal stick."),
+        default("col", SPEED_GEARING, "\"0 rad/s/100%\"", "From the collective lever."),
+        default("ped", SPEED_GEARING, "\"0 rad/s/100%\"", "From the pedals."),
+        optional(
+            "rigging",
+            Value::Quantity(Kind::AngularRateRad, from_to("-10000 rad/s", "10000 rad/s")),
+            "the nominal speed of the rotor",
+            "With every stick at zero.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 const PITCH: Bounds = from_to("-90 deg", "90 deg");
 
 static RIGGING: Table = Table {
@@ -778,6 +973,18 @@ static ROTOR_MIX: Table = Table {
             "Longitudinal cyclic θ_1s, which multiplies sin ψ.",
         ),
         default("rigging", Value::Table(&RIGGING), "{}", "Blade pitch with every stick at zero."),
+        default(
+            "speed",
+            Value::Table(&SPEED_GEARINGS),
+            "{}",
+            "Commanded speed of a rotor with a motor.",
+        ),
+        default(
+            "speed_limits",
+            Value::Limits(Kind::AngularRateRad, from_to("0 rad/s", "10000 rad/s")),
+            "[\"0 rad/s\", \"10000 rad/s\"]",
+            "Limits on the commanded speed.",
+        ),
         default(
             "collective_limits",
             Value::Limits(Kind::Angle, PITCH),
@@ -822,7 +1029,12 @@ pub static ROOT: Table = Table {
             "Another problem file to start from. Tables merge key by key; everything else \
              replaces. Where keys exclude one another, choosing one drops the other of the base.",
         ),
-        required("name", Value::Text, "Short name, for titles and file names."),
+        required(
+            "name",
+            Value::Name,
+            "Short name, for titles and file names: letters, digits, blanks and `-_.`, at most 64 \
+             of them.",
+        ),
         default("description", Value::Text, "\"a rotorcraft\"", "One line for reports."),
         default(
             "reference",

@@ -18,12 +18,14 @@ pub(crate) mod read;
 mod report;
 pub mod schema;
 mod source;
+mod text;
 pub(crate) mod tree;
 
 pub use model::*;
 pub use read::nearest_help;
 pub use report::{Diagnostic, Report, Severity};
 pub use source::{Place, Source, Sources};
+pub use text::{LONGEST_LINE, LONGEST_NAME, TextFault, check_line, check_name, visible};
 
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -42,14 +44,23 @@ pub struct Loaded {
 }
 
 /// Names of the built-in problems, the default first.
-pub const BUILTIN: [&str; 3] = ["coax2d", "coax2d-appendix", "coax2d-physics"];
+pub const BUILTIN: [&str; 6] =
+    ["coax2d", "coax2d-appendix", "coax2d-physics", "uh60a", "hummingbird", "firefly"];
 
 /// Files that are built in.
-const EMBEDDED: [(&str, &str); 4] = [
+const EMBEDDED: [(&str, &str); 12] = [
     ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
     ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
     ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
+    ("uh60a.toml", include_str!("../../problems/uh60a.toml")),
+    ("hummingbird.toml", include_str!("../../problems/hummingbird.toml")),
+    ("firefly.toml", include_str!("../../problems/firefly.toml")),
     ("airfoils/naca23012.c81", include_str!("../../problems/airfoils/naca23012.c81")),
+    ("airfoils/sc1095.c81", include_str!("../../problems/airfoils/sc1095.c81")),
+    ("airfoils/uh60a-tail.c81", include_str!("../../problems/airfoils/uh60a-tail.c81")),
+    ("airfoils/uh60a-fin.c81", include_str!("../../problems/airfoils/uh60a-fin.c81")),
+    ("airfoils/uh60a-stabilator.c81", include_str!("../../problems/airfoils/uh60a-stabilator.c81")),
+    ("fuselages/uh60a.csv", include_str!("../../problems/fuselages/uh60a.csv")),
 ];
 
 /// Reads a problem file, its bases and its tables.
@@ -116,7 +127,8 @@ pub fn builtin_named(name: &str) -> Result<Loaded, Report> {
 }
 
 /// Reads a problem from a text that builds on the built-in files: `path` is
-/// where it would stand among them, such as `"variants/mine.toml"`.
+/// where it would stand in the source tree, whose folder `problems` holds them,
+/// such as `"problems/variants/mine.toml"`.
 ///
 /// # Errors
 /// As [`load`].
@@ -151,9 +163,10 @@ impl Library {
         match self {
             Library::Embedded => {
                 let plain = without_parents(path);
+                let name = plain.strip_prefix("problems").unwrap_or(&plain);
                 EMBEDDED
                     .iter()
-                    .find(|(name, _)| Path::new(name) == plain)
+                    .find(|(embedded, _)| Path::new(embedded) == name)
                     .map(|(_, text)| (*text).to_string())
                     .ok_or_else(|| fault("there is no such file", true))
             }
@@ -161,7 +174,10 @@ impl Library {
                 if path.is_dir() {
                     return Err(fault("this is a directory, not a file", true));
                 }
-                let bytes = std::fs::read(path).map_err(|error| match error.kind() {
+                let bytes = read_bounded(path).map_err(|error| match error.kind() {
+                    std::io::ErrorKind::FileTooLarge => {
+                        fault(&format!("the file is larger than {} MiB", LARGEST_FILE >> 20), true)
+                    }
                     std::io::ErrorKind::NotFound => fault("there is no such file", true),
                     std::io::ErrorKind::PermissionDenied => {
                         fault("there is no permission to read the file", true)
@@ -184,6 +200,20 @@ impl Library {
             Library::Embedded => without_parents(path),
         }
     }
+}
+
+/// Largest file that is read, bytes: problem files and tables have thousands.
+const LARGEST_FILE: u64 = 64 << 20;
+
+/// The bytes of a file, or of what stands for one and may never end.
+fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
+    use std::io::Read as _;
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST_FILE {
+        return Err(std::io::ErrorKind::FileTooLarge.into());
+    }
+    Ok(bytes)
 }
 
 /// A relative path with every `..` taken together with the folder before it.
@@ -342,7 +372,7 @@ impl Loader {
         place: &Place,
         key: &str,
         what: &str,
-        parse: fn(&str) -> Result<T, c81::TableError>,
+        parse: fn(&str) -> Result<c81::Read<T>, c81::TableError>,
     ) -> Option<Arc<T>> {
         let text = match self.library.read(path) {
             Ok(text) => text,
@@ -366,18 +396,22 @@ impl Loader {
         };
         let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
         let source = self.add(&path.display().to_string(), text, directory);
-        match parse(&self.sources.files()[source].text) {
-            Ok(table) => Some(Arc::new(table)),
+        let read = parse(&self.sources.files()[source].text);
+        let (line, _) = self.sources.line_and_column(place);
+        let by = format!("{}:{line}", self.sources.files()[place.source].name);
+        let mut finding = |severity, error: c81::TableError| {
+            let at = self.sources.line(source, error.line);
+            let help = format!("{} (the file is named at {by})", error.help);
+            let found = Diagnostic::at(severity, &self.sources, &at, key, error.message, help);
+            self.findings.push(found);
+        };
+        match read {
+            Ok(read) => {
+                read.remarks.into_iter().for_each(|remark| finding(Severity::Warning, remark));
+                Some(Arc::new(read.table))
+            }
             Err(error) => {
-                let at = self.sources.line(source, error.line);
-                let (line, _) = self.sources.line_and_column(place);
-                let by = format!("{}:{line}", self.sources.files()[place.source].name);
-                self.fault(
-                    &at,
-                    key,
-                    error.message,
-                    format!("{} (the file is named at {by})", error.help),
-                );
+                finding(Severity::Error, error);
                 None
             }
         }
@@ -401,7 +435,7 @@ impl build::Host for Loader {
         if let Some(known) = self.airfoils.get(&path) {
             return known.clone();
         }
-        let table = self.table_file(&path, place, key, "a C81 table", c81::parse);
+        let table = self.table_file(&path, place, key, "a C81 table", c81::read);
         self.airfoils.insert(path, table.clone());
         table
     }
@@ -411,7 +445,7 @@ impl build::Host for Loader {
         if let Some(known) = self.fuselages.get(&path) {
             return known.clone();
         }
-        let table = self.table_file(&path, place, key, "a table of loads", fuselage_table::parse);
+        let table = self.table_file(&path, place, key, "a table of loads", fuselage_table::read);
         self.fuselages.insert(path, table.clone());
         table
     }

@@ -172,6 +172,100 @@ pub enum HubKind {
     },
     /// Blades that neither flap nor teeter.
     Rigid,
+    /// Blades that flap together on a gimbal: by β_1c cos ψ + β_1s sin ψ, so that
+    /// the disk tilts as one. Two blades on a gimbal teeter.
+    Gimballed {
+        /// Distance of the blade attachments below the gimbal, m.
+        undersling: f64,
+        /// Spring against tilt about any axis, N m/rad; of two blades about
+        /// their hinge.
+        spring: f64,
+        /// Damping of the tilt in the turning frame, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+    /// Blades that flap each about a hinge of its own.
+    Articulated {
+        /// Distance of the flap hinge from the shaft, m.
+        hinge_offset: f64,
+        /// Spring about the hinge, of each blade, N m/rad.
+        spring: f64,
+        /// Damper about the hinge, of each blade, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+    /// Blades that flap by bending, as if about a hinge with the spring that
+    /// gives their flap frequency.
+    Hingeless {
+        /// Distance of the equivalent hinge from the shaft, m.
+        hinge_offset: f64,
+        /// Flap frequency in vacuo at nominal speed, per revolution.
+        frequency: f64,
+        /// Damping about the hinge, of each blade, N m s/rad.
+        damping: f64,
+        /// Pitch–flap coupling angle δ3, rad; pitch changes by β tan δ3.
+        delta_3: f64,
+    },
+}
+
+impl HubKind {
+    /// Distance of the flap hinges from the shaft, m; zero without such hinges.
+    #[must_use]
+    pub fn hinge_offset(&self) -> f64 {
+        match *self {
+            Self::Articulated { hinge_offset, .. } | Self::Hingeless { hinge_offset, .. } => {
+                hinge_offset
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Its word in a problem file.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Teetering { .. } => "teetering",
+            Self::Rigid => "rigid",
+            Self::Gimballed { .. } => "gimballed",
+            Self::Articulated { .. } => "articulated",
+            Self::Hingeless { .. } => "hingeless",
+        }
+    }
+}
+
+impl Rotor {
+    /// Spring about the flap hinge of each blade, N m/rad: as given, or that
+    /// with which a hingeless blade has its flap frequency,
+    /// K = I_β Ω² (ν² − 1 − e M_β/I_β).
+    #[must_use]
+    pub fn flap_spring(&self) -> f64 {
+        match self.hub_kind {
+            HubKind::Articulated { spring, .. } => spring,
+            HubKind::Hingeless { hinge_offset, frequency, .. } => {
+                let hinge = hinge_offset * self.blade_first_moment / self.blade_second_moment;
+                let excess = frequency * frequency - 1.0 - hinge;
+                self.blade_second_moment * self.speed * self.speed * excess
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Flap frequency of a blade that flaps for itself, in vacuo, per
+    /// revolution: √(1 + e M_β/I_β + K/(I_β Ω²)). None on other hubs.
+    #[must_use]
+    pub fn flap_frequency(&self) -> Option<f64> {
+        let hinge_offset = match self.hub_kind {
+            HubKind::Articulated { hinge_offset, .. } | HubKind::Hingeless { hinge_offset, .. } => {
+                hinge_offset
+            }
+            _ => return None,
+        };
+        let (first, second) = (self.blade_first_moment, self.blade_second_moment);
+        let spring = self.flap_spring() / (self.speed * self.speed);
+        Some((1.0 + (hinge_offset * first + spring) / second).sqrt())
+    }
 }
 
 /// Section aerodynamics.
@@ -265,6 +359,25 @@ pub struct Rotor {
     pub azimuth_offset: f64,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
+    /// Motor whose speed the sticks command; not beside a governor.
+    pub motor: Option<Motor>,
+    /// Thrust and torque by coefficients in place of blades, which the rotor
+    /// then has none of.
+    pub coefficients: Option<RotorCoefficients>,
+    /// How its turn enters the dynamics; none leaves the choice to the ratio of
+    /// its speed to that of the slowest rotor.
+    pub azimuth: Option<AzimuthModel>,
+}
+
+/// How the turn of a rotor enters the dynamics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AzimuthModel {
+    /// Its blades stand where they stand: the dynamics are periodic with its
+    /// blade passages.
+    Resolved,
+    /// Its loads are their means over all azimuths at each instant, as if its
+    /// blades were many: it has no period of its own.
+    Averaged,
 }
 
 /// Equation of the teeter motion.
@@ -284,6 +397,27 @@ pub struct Governor {
     pub time_constant: f64,
 }
 
+/// Motor with a commanded speed: Ω' = (Ω_cmd − Ω)/τ, where the sticks set Ω_cmd.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motor {
+    /// Time constant τ, s.
+    pub time_constant: f64,
+}
+
+/// A rigid rotor by coefficients: T = k Ω², Q = κ T, and a force −k_d Ω v against
+/// its motion across the shaft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotorCoefficients {
+    /// Thrust factor k, N s²/rad².
+    pub thrust: f64,
+    /// Torque over thrust κ, m.
+    pub torque: f64,
+    /// Drag factor k_d, N s²/(m rad).
+    pub drag: f64,
+    /// Moment of inertia about the shaft, kg m².
+    pub inertia: f64,
+}
+
 /// A wing or tail surface.
 #[derive(Debug, Clone)]
 pub struct Wing {
@@ -298,6 +432,8 @@ pub struct Wing {
     pub chord: Spanwise,
     /// Incidence, rad, positive leading edge up.
     pub incidence: f64,
+    /// Incidence over airspeed in place of a fixed one.
+    pub incidence_schedule: Option<IncidenceSchedule>,
     /// Cant about the x axis, rad. The wing axes come from the body axes by
     /// this rotation, and the span runs along the turned y axis: 0 is
     /// horizontal; at 90° the span points down and lift is to starboard.
@@ -308,6 +444,15 @@ pub struct Wing {
     pub model: WingModel,
     /// Rotor wash on it.
     pub wash: Wash,
+}
+
+/// Incidence of a surface that follows the airspeed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IncidenceSchedule {
+    /// True airspeeds, m/s, strictly increasing; the ends hold beyond them.
+    pub airspeed: Vec<f64>,
+    /// Incidence at each, rad, positive leading edge up.
+    pub incidence: Vec<f64>,
 }
 
 /// How a wing makes its loads.
@@ -431,6 +576,11 @@ pub struct RotorMix {
     pub theta_1s: [f64; 4],
     /// Blade pitch θ_0, θ_1c, θ_1s with every stick at zero, rad.
     pub rigging: [f64; 3],
+    /// Commanded speed for lat, lon, col, ped, rad/s/%; without effect where no
+    /// motor takes commands.
+    pub speed: [f64; 4],
+    /// Commanded speed with every stick at zero, rad/s.
+    pub speed_rigging: f64,
 }
 
 /// From sticks to blades.
@@ -444,6 +594,8 @@ pub struct Controls {
     pub collective_limits: Vec<[f64; 2]>,
     /// Limits on each cyclic component, rad, one pair a rotor.
     pub cyclic_limits: Vec<[f64; 2]>,
+    /// Limits on commanded speed, rad/s, one pair a rotor.
+    pub speed_limits: Vec<[f64; 2]>,
 }
 
 /// Names of the pilot's sticks, in the order of every control vector.

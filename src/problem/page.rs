@@ -185,6 +185,7 @@ fn value(key: &Key, path: &str) -> String {
     let below = join(path, key.name);
     match &key.value {
         Value::Text => "text".into(),
+        Value::Name => "name".into(),
         Value::Path => "path of a file".into(),
         Value::Bool => "`true` or `false`".into(),
         Value::Count(low, high) => format!("whole number, {low} to {high}"),

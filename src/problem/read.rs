@@ -9,6 +9,7 @@ use super::Spanwise;
 use super::keys::{Bounds, Key, Need, Table, Value};
 use super::report::{Diagnostic, Report, Severity};
 use super::source::{Place, Sources};
+use super::text::{LONGEST_LINE, LONGEST_NAME, TextFault, check_line, check_name};
 use super::tree::{self, Entry, Node, Value as Tree};
 
 /// A value that has the form its key asks for, in SI and radians.
@@ -147,6 +148,13 @@ impl CheckedTable {
     }
 }
 
+/// Most tables of one kind, such as `[rotors.NAME]`: every pair of them is
+/// looked at.
+const MOST_NAMED: usize = 256;
+/// Most unknown keys of a table for which the nearest known one is looked for.
+const MOST_PROPOSALS: usize = 100;
+/// Longest list.
+const LONGEST_LIST: usize = 100_000;
 /// Message of an absent key.
 const MISSING: &str = "missing key";
 /// Jaro-Winkler likeness from which one word is taken for another, misspelled.
@@ -225,14 +233,16 @@ impl Reader<'_> {
     ) -> CheckedTable {
         let mut checked =
             CheckedTable { path: path.into(), place: place.clone(), entries: HashMap::new() };
-        for entry in entries {
-            if table.key(&entry.name).is_none() {
-                let help = table.moved(&entry.name).map_or_else(
-                    || nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys"),
-                    str::to_owned,
-                );
-                self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
-            }
+        let unknown = entries.iter().filter(|entry| table.key(&entry.name).is_none());
+        for (index, entry) in unknown.enumerate() {
+            let nearest =
+                || nearest_help(&entry.name, table.keys.iter().map(|key| key.name), "keys");
+            let help = match table.moved(&entry.name) {
+                Some(help) => help.to_owned(),
+                None if index < MOST_PROPOSALS => nearest(),
+                None => String::new(),
+            };
+            self.error(&entry.place, &join(path, &entry.name), "unknown key".into(), help);
         }
         let chosen = self.alternative(table, entries, path, place);
         for key in table.keys {
@@ -329,19 +339,8 @@ impl Reader<'_> {
     fn value(&mut self, value: &Value, entry: &Entry, path: &str) -> Option<Checked> {
         let node = &entry.node;
         match value {
-            Value::Text => match &node.value {
-                Tree::Text(text) if !text.trim().is_empty() => Some(Checked::Text(text.clone())),
-                Tree::Text(_) => {
-                    self.error(
-                        &node.place,
-                        path,
-                        "an empty text".into(),
-                        format!("write some text, such as {} = \"CoAX 2D\"", entry.name),
-                    );
-                    None
-                }
-                _ => self.wrong_type(node, path, "a text", &format!("{} = \"...\"", entry.name)),
-            },
+            Value::Text => self.text(node, &entry.name, path, false),
+            Value::Name => self.text(node, &entry.name, path, true),
             Value::Path => match &node.value {
                 Tree::Text(text) if !text.is_empty() => Some(Checked::Path(text.into())),
                 _ => {
@@ -449,17 +448,31 @@ impl Reader<'_> {
                         &format!("[{path}.name]"),
                     );
                 };
+                if let Some(first) = entries.get(MOST_NAMED) {
+                    self.error(
+                        &first.place,
+                        path,
+                        format!("{} tables where {MOST_NAMED} are the most", entries.len()),
+                        format!(
+                            "no aircraft and no flight of interest has so many: keep at most \
+                                 {MOST_NAMED}"
+                        ),
+                    );
+                    return None;
+                }
                 let mut tables = Vec::new();
                 for entry in entries {
                     let path = join(path, &entry.name);
                     if !is_identifier(&entry.name) {
+                        let shown: String = entry.name.chars().take(LONGEST_NAME).collect();
                         self.error(
                             &entry.place,
                             &path,
-                            format!("\"{}\" cannot name a {noun}", entry.name),
-                            "a name begins with a letter and holds letters, digits and `_`, \
-                             such as `upper`"
-                                .into(),
+                            format!("\"{shown}\" cannot name a {noun}"),
+                            format!(
+                                "a name begins with a letter and holds letters, digits and `_`, \
+                                 at most {LONGEST_NAME} of them, such as `upper`"
+                            ),
                         );
                     }
                     if let Tree::Table(inner) = &entry.node.value {
@@ -522,6 +535,45 @@ impl Reader<'_> {
         None
     }
 
+    fn text(&mut self, node: &Node, name: &str, path: &str, is_name: bool) -> Option<Checked> {
+        let Tree::Text(text) = &node.value else {
+            return self.wrong_type(node, path, "a text", &format!("{name} = \"...\""));
+        };
+        let check = if is_name { check_name(text) } else { check_line(text) };
+        let fault = match check {
+            Ok(()) => return Some(Checked::Text(text.clone())),
+            Err(fault) => fault,
+        };
+        let mut place = node.place.clone();
+        if let TextFault::Character { column, .. } = &fault {
+            // Marks the character itself, where the text stands in the file as it is read:
+            // without escapes, behind one quote.
+            let written = self.sources.slice(&node.place);
+            if written.get(1..written.len().saturating_sub(1)) == Some(text) {
+                let before: usize = text.chars().take(column - 1).map(char::len_utf8).sum();
+                place.span = place.span.start + 1 + before..place.span.start + 2 + before;
+            }
+        }
+        let (message, help) = match &fault {
+            TextFault::Empty => {
+                ("an empty text".into(), format!("write some text, such as {name} = \"CoAX 2D\""))
+            }
+            fault if is_name => (
+                format!("this name cannot stand in every export: {fault}"),
+                format!(
+                    "a name holds letters from A to Z, digits, blanks and `-_.`, at most \
+                     {LONGEST_NAME} of them, such as {name} = \"CoAX 2D\""
+                ),
+            ),
+            fault => (
+                format!("this text cannot be shown: {fault}"),
+                format!("write one line of at most {LONGEST_LINE} characters"),
+            ),
+        };
+        self.error(&place, path, message, help);
+        None
+    }
+
     fn list<'n>(
         &mut self,
         node: &'n Node,
@@ -533,6 +585,15 @@ impl Reader<'_> {
             self.wrong_type(node, path, "a list", form);
             return None;
         };
+        if items.len() > LONGEST_LIST {
+            self.error(
+                &node.place,
+                path,
+                format!("a list of {} where {LONGEST_LIST} values are the most", items.len()),
+                format!("write {form}"),
+            );
+            return None;
+        }
         if let Some(count) = count.filter(|count| *count != items.len()) {
             self.error(
                 &node.place,
@@ -713,7 +774,8 @@ impl Reader<'_> {
 
 /// Whether a name can stand in keys of results.
 fn is_identifier(name: &str) -> bool {
-    name.starts_with(|c: char| c.is_ascii_alphabetic())
+    name.len() <= LONGEST_NAME
+        && name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
@@ -787,7 +849,7 @@ fn example_path(key: &str) -> String {
 fn example(key: &Key, path: &str) -> String {
     let name = key.name;
     match &key.value {
-        Value::Text => format!("{name} = \"...\""),
+        Value::Text | Value::Name => format!("{name} = \"...\""),
         Value::Path => example_path(name),
         Value::Bool => format!("{name} = true"),
         Value::Count(low, _) => format!("{name} = {}", (*low).max(2)),

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::source::{Place, Sources};
+use super::text::visible;
 
 /// Whether a finding stops the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,8 +31,8 @@ pub struct Diagnostic {
     pub message: String,
     /// What to write instead.
     pub help: String,
-    /// Source line and number of characters to mark on it.
-    excerpt: Option<(String, usize)>,
+    /// Source line, column of the mark on it, and number of characters to mark.
+    excerpt: Option<(String, usize, usize)>,
     /// Order of the file among the sources.
     order: usize,
 }
@@ -48,9 +49,10 @@ impl Diagnostic {
     ) -> Self {
         let (line, column) = sources.line_and_column(place);
         let source = &sources.files()[place.source];
-        let text = source.text.lines().nth(line - 1).unwrap_or("");
-        let marked =
-            sources.slice(place).lines().next().map_or(0, |first| first.chars().count()).max(1);
+        let (text, excerpt_column, marked) =
+            excerpt(sources.line_text(place.source, line), column, {
+                sources.slice(place).lines().next().map_or(0, |first| first.chars().count()).max(1)
+            });
         Self {
             severity,
             file: source.name.clone(),
@@ -59,7 +61,7 @@ impl Diagnostic {
             key: key.into(),
             message,
             help,
-            excerpt: Some((text.trim_end().to_string(), marked)),
+            excerpt: Some((text, excerpt_column, marked)),
             order: place.source,
         }
     }
@@ -90,34 +92,47 @@ impl Diagnostic {
             Severity::Error => "error",
             Severity::Warning => "warning",
         };
-        let mut text = format!("{bold}{}", self.file);
+        let shown = |text: &str| visible(text, false);
+        let mut text = format!("{bold}{}", shown(&self.file));
         if self.line > 0 {
             text += &format!(":{}:{}", self.line, self.column);
         }
         text += &format!(": {red}{word}{off}{bold}: ");
         if !self.key.is_empty() {
-            text += &format!("{}: ", self.key);
+            text += &format!("{}: ", shown(&self.key));
         }
-        text += &format!("{}{off}\n", self.message);
-        if let Some((line, marked)) = &self.excerpt {
+        text += &format!("{}{off}\n", shown(&self.message));
+        if let Some((line, column, marked)) = &self.excerpt {
             let number = self.line.to_string();
             let gutter = " ".repeat(number.len());
             // Tabs stay tabs, so that the mark stands below what it marks.
-            let indent: String = line
-                .chars()
-                .take(self.column - 1)
-                .map(|c| if c == '\t' { '\t' } else { ' ' })
-                .collect();
-            let room = line.chars().count().saturating_sub(self.column - 1).max(1);
+            let indent: String =
+                line.chars().take(column - 1).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+            let room = line.chars().count().saturating_sub(column - 1).max(1);
             let marks = "^".repeat((*marked).min(room));
             text += &format!("  {blue}{number} |{off} {line}\n");
             text += &format!("  {blue}{gutter} |{off} {indent}{red}{marks}{off}\n");
         }
         if !self.help.is_empty() {
-            text += &format!("  {blue}help:{off} {}\n", self.help);
+            text += &format!("  {blue}help:{off} {}\n", shown(&self.help));
         }
         text
     }
+}
+
+/// Longest line of a file that is shown whole, in characters.
+const LONGEST_EXCERPT: usize = 400;
+
+/// A line as a terminal can show it, with the column of a mark on it: a longer
+/// one is cut to what is around the mark.
+fn excerpt(line: &str, column: usize, marked: usize) -> (String, usize, usize) {
+    if line.len() <= LONGEST_EXCERPT {
+        return (visible(line, true), column, marked);
+    }
+    let before = (column - 1).min(LONGEST_EXCERPT / 4);
+    let from = column - 1 - before;
+    let cut: String = line.chars().skip(from).take(LONGEST_EXCERPT).collect();
+    (visible(&cut, true), before + 1, marked.min(LONGEST_EXCERPT - before))
 }
 
 /// Every error of a problem file and of the files it uses.
@@ -142,9 +157,14 @@ impl Report {
     /// The report as text, with ANSI colour on request.
     pub fn render(&self, color: bool) -> String {
         let mut text = String::new();
-        for finding in self.errors.iter().chain(&self.warnings) {
-            text += &finding.render(color);
-            text.push('\n');
+        for findings in [&self.errors, &self.warnings] {
+            for finding in findings.iter().take(MOST_SHOWN) {
+                text += &finding.render(color);
+                text.push('\n');
+            }
+            if let Some(more) = findings.len().checked_sub(MOST_SHOWN).filter(|more| *more > 0) {
+                text += &format!("... and {more} more like these\n\n");
+            }
         }
         let plural = |count: usize, noun: &str| match count {
             1 => format!("1 {noun}"),
@@ -158,6 +178,10 @@ impl Report {
         text
     }
 }
+
+/// Most errors, and most warnings, that are shown: who mends these knows the
+/// others.
+const MOST_SHOWN: usize = 100;
 
 /// Puts findings in the order of the files, from top to bottom.
 pub(crate) fn sort(findings: &mut [Diagnostic]) {

@@ -7,6 +7,7 @@ use serde_json::{Map, Value as Json, json};
 
 use super::keys::{Bounds, Key, Need, ROOT, Table, Value};
 use super::read::words;
+use super::text::{LONGEST_LINE, LONGEST_NAME};
 use crate::units::Kind;
 
 /// A number and a unit.
@@ -152,7 +153,13 @@ fn list(item: Json, count: usize) -> Json {
 
 fn value(value: &Value, complete: bool) -> Json {
     match value {
-        Value::Text | Value::Path => json!({ "type": "string", "minLength": 1 }),
+        Value::Text => json!({ "type": "string", "minLength": 1, "maxLength": LONGEST_LINE }),
+        Value::Name => json!({
+            "type": "string",
+            "pattern": "^[A-Za-z0-9 ._-]*[A-Za-z0-9][A-Za-z0-9 ._-]*$",
+            "maxLength": LONGEST_NAME
+        }),
+        Value::Path => json!({ "type": "string", "minLength": 1 }),
         Value::Bool => json!({ "type": "boolean" }),
         Value::Count(low, high) => {
             json!({ "type": "integer", "minimum": low, "maximum": high })

@@ -15,6 +15,9 @@ pub struct Source {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Sources {
     files: Vec<Source>,
+    /// Byte at which each line of each file begins: places are looked up for
+    /// every finding, and a file can have many.
+    lines: Vec<Vec<usize>>,
 }
 
 /// A stretch of one source.
@@ -33,6 +36,8 @@ impl Sources {
     }
 
     pub(crate) fn add(&mut self, name: &str, text: String) -> usize {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        self.lines.push(std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect());
         self.files.push(Source { name: name.into(), text });
         self.files.len() - 1
     }
@@ -51,23 +56,25 @@ impl Sources {
         while !text.is_char_boundary(at) {
             at -= 1;
         }
-        let before = &text[..at];
-        let line = before.matches('\n').count() + 1;
-        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let line = self.lines[place.source].partition_point(|start| *start <= at);
+        let start = self.lines[place.source][line - 1];
         (line, text[start..at].chars().count() + 1)
+    }
+
+    /// Text of a line (from 1) of a source, without its end.
+    pub(crate) fn line_text(&self, source: usize, line: usize) -> &str {
+        let place = self.line(source, line);
+        &self.files[source].text[place.span]
     }
 
     /// The place that covers one line (from 1) of a source, without its end.
     pub(crate) fn line(&self, source: usize, line: usize) -> Place {
         let text = &self.files[source].text;
-        let mut start = 0;
-        for (index, whole) in text.split_inclusive('\n').enumerate() {
-            if index + 1 == line {
-                let shown = whole.trim_end();
-                return Place { source, span: start..start + shown.len() };
-            }
-            start += whole.len();
-        }
-        Place { source, span: text.len()..text.len() }
+        let starts = &self.lines[source];
+        let Some(&start) = line.checked_sub(1).and_then(|index| starts.get(index)) else {
+            return Place { source, span: text.len()..text.len() };
+        };
+        let end = starts.get(line).copied().unwrap_or(text.len());
+        Place { source, span: start..start + text[start..end].trim_end().len() }
     }
 }

@@ -1,5 +1,7 @@
 //! A TOML text as a tree that remembers where everything stands.
 
+use std::collections::HashMap;
+
 use toml::de::{DeTable, DeValue};
 
 use super::keys::Level;
@@ -142,8 +144,11 @@ pub(crate) fn merge(base: &mut Vec<Entry>, over: Vec<Entry>, level: Option<Level
             });
         }
     }
+    let places: HashMap<String, usize> =
+        base.iter().enumerate().map(|(at, entry)| (entry.name.clone(), at)).collect();
     for entry in over {
-        let Some(old) = base.iter_mut().find(|old| old.name == entry.name) else {
+        // A table holds a key once, so that nothing pushed here is met again.
+        let Some(old) = places.get(&entry.name).map(|at| &mut base[*at]) else {
             base.push(entry);
             continue;
         };

@@ -175,8 +175,9 @@ impl Actuators {
         for (k, rotor) in vehicle.layout.rotors.iter().enumerate() {
             let (collective, cyclic) =
                 (vehicle.controls.collective_limits[k], vehicle.controls.cyclic_limits[k]);
+            let Some(pitch) = rotor.pitch else { continue };
             for (i, limits) in [collective, cyclic, cyclic].into_iter().enumerate() {
-                let place = rotor.effectors + i;
+                let place = pitch + i;
                 places.push(place);
                 let position = effectors[place];
                 states.push(Actuator { position, rate: 0.0, limits, saturated: 0.0 });

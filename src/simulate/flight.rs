@@ -256,29 +256,40 @@ impl<'a> Flight<'a> {
 
     /// Flies the manoeuvre to its end. `observe` sees every period after its
     /// decision, the last instant included.
-    pub fn fly(&mut self, observe: impl FnMut(&mut Self)) -> Status {
+    pub fn fly(&mut self, mut observe: impl FnMut(&mut Self)) -> Status {
+        let ended = self.fly_while(|flight| {
+            observe(flight);
+            true
+        });
+        ended.unwrap_or(Status::Completed)
+    }
+
+    /// As [`Flight::fly`], but for as long as `observe` says to go on; `None`
+    /// if it said to stop.
+    pub fn fly_while(&mut self, observe: impl FnMut(&mut Self) -> bool) -> Option<Status> {
         let status = self.fly_periods(observe);
         tracing::info!(
             maneuver = self.maneuver.title,
             time_s = self.simulator.time(),
-            status = status.word(),
+            status = status.as_ref().map_or("stopped", Status::word),
             "flown"
         );
         status
     }
 
-    fn fly_periods(&mut self, mut observe: impl FnMut(&mut Self)) -> Status {
+    fn fly_periods(&mut self, mut observe: impl FnMut(&mut Self) -> bool) -> Option<Status> {
         let periods = (self.maneuver.duration / self.simulator.period()).round() as u64;
         for _ in 0..periods {
             self.decide();
-            observe(self);
+            if !observe(self) {
+                return None;
+            }
             if let Err(status) = self.advance() {
-                return status;
+                return Some(status);
             }
         }
         self.decide();
-        observe(self);
-        Status::Completed
+        observe(self).then_some(Status::Completed)
     }
 
     /// The manoeuvre.

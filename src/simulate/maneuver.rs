@@ -136,7 +136,12 @@ impl Input {
                         0.0
                     } else {
                         let ratio = (to / from).ln();
-                        let phase = from * length / ratio * ((ratio * t / length).exp() - 1.0);
+                        let phase = if ratio < 1e-6 {
+                            // The frequency hardly rises, and the quotient below is rounding.
+                            from * t
+                        } else {
+                            from * length / ratio * ((ratio * t / length).exp() - 1.0)
+                        };
                         let edge = (t.min(length - t) / (0.1 * length)).min(1.0);
                         edge * edge * (3.0 - 2.0 * edge) * phase.sin()
                     }
@@ -267,6 +272,9 @@ impl Maneuver {
     }
 }
 
+/// Least time between two points of a profile, s: a tenth of a control period
+/// at 100 Hz. Rates over less are those of rounding.
+const LEAST_SPAN: f64 = 1e-3 * (1.0 - 1e-9);
 const TIMES: Bounds = from_to("0 s", "36000 s");
 const SPEEDS: Bounds = from_to("-200 kt", "200 kt");
 
@@ -412,13 +420,13 @@ static INPUT: Table = Table {
         ),
         default(
             "unit",
-            Value::Quantity(Kind::Time, above_to("0 s", "3600 s")),
+            Value::Quantity(Kind::Time, from_to("1 ms", "3600 s")),
             "\"1 s\"",
             "Unit of time of the form.",
         ),
         default(
             "frequencies",
-            Value::Limits(Kind::Frequency, above_to("0 rad/s", "100 rad/s")),
+            Value::Limits(Kind::Frequency, from_to("0.001 rad/s", "100 rad/s")),
             "[\"0.3 rad/s\", \"12 rad/s\"]",
             "First and last frequency of a sweep.",
         ),
@@ -478,7 +486,7 @@ static GUST: Table = Table {
         required("time", Value::Quantity(Kind::Time, TIMES), "When it is met."),
         required(
             "length",
-            Value::Quantity(Kind::Length, above_to("0 ft", "10000 ft")),
+            Value::Quantity(Kind::Length, from_to("0.1 ft", "10000 ft")),
             "Length d of its rise.",
         ),
         default(
@@ -581,7 +589,7 @@ pub static ROOT: Table = Table {
         required("title", Value::Text, "Its name, for reports."),
         required(
             "duration",
-            Value::Quantity(Kind::Time, above_to("0 s", "36000 s")),
+            Value::Quantity(Kind::Time, from_to("10 ms", "36000 s")),
             "How long it takes.",
         ),
         required(
@@ -671,6 +679,16 @@ fn profile(commands: Option<&CheckedTable>, key: &str, reader: &mut Reader) -> O
             &table.key_path("time"),
             "the times are not in order".into(),
             "write them from the earliest to the latest; two equal ones make a step".into(),
+        );
+        return None;
+    }
+    let near = |pair: &[f64]| pair[1] > pair[0] && pair[1] - pair[0] < LEAST_SPAN;
+    if let Some(pair) = times.windows(2).find(|pair| near(pair)) {
+        reader.error(
+            table.place("time"),
+            &table.key_path("time"),
+            format!("the times {:e} s and {:e} s are too close to tell apart", pair[0], pair[1]),
+            "leave at least 1 ms between two times; two equal ones make a step".into(),
         );
         return None;
     }

@@ -451,11 +451,20 @@ impl<'a> Simulator<'a> {
             vehicle.mix(&self.delay.at(2 * substep + half), &mut self.command);
             if self.engine_out {
                 for (places, speed) in vehicle.layout.rotors.iter().zip(&self.coasting) {
-                    self.command[places.effectors + 3] = *speed;
+                    if let Some(place) = places.command {
+                        self.command[place] = *speed;
+                    }
                 }
             }
             self.actuators.advance(&self.command);
-            // Commanded rotor speeds have no actuator.
+            // Commanded rotor speeds have no actuator but their motor, which
+            // keeps within its limits.
+            for (places, limits) in vehicle.layout.rotors.iter().zip(&vehicle.controls.speed_limits)
+            {
+                if let Some(place) = places.command {
+                    self.command[place] = self.command[place].clamp(limits[0], limits[1]);
+                }
+            }
             positions.copy_from_slice(&self.command);
             self.actuators.write(positions);
         }
@@ -571,13 +580,19 @@ fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
     bounds[body.roll] = within(ATTITUDE_BOUND);
     bounds[body.pitch] = within(ATTITUDE_BOUND);
     for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-        if let Some(start) = places.flapping {
-            bounds[start] = within(FLAPPING_BOUND);
-            bounds[start + 1] = within(FLAPPING_BOUND);
-        }
+        let [start, angles, rates] = places.flap;
+        bounds[start..start + angles].fill(within(FLAPPING_BOUND));
+        bounds[start + angles..start + angles + rates].fill(within(FLAPPING_BOUND * rotor.speed));
         if let Some(start) = places.speed {
-            bounds[start] = [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)];
-            bounds[start + 1] = within(f64::MAX);
+            let [low, high] = if rotor.commanded {
+                [0.0, 10.0 * rotor.speed]
+            } else {
+                [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)]
+            };
+            bounds[start] = [low, high];
+        }
+        if let Some(place) = places.azimuth {
+            bounds[place] = within(f64::MAX);
         }
     }
     bounds.extend([within(f64::MAX); NAVIGATION]);

@@ -9,7 +9,6 @@
 //! with the exact Jacobian, carried along the integration by dual numbers.
 //!
 //! * [`condition`]: what is asked for.
-//! * [`mod@reference`]: published hover values of the CoAX 2D.
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
 //! * [`path`]: which of several solutions is the trim of a condition.
@@ -20,7 +19,6 @@
 pub mod condition;
 pub mod path;
 pub mod power;
-pub mod reference;
 pub mod shooting;
 pub mod solve;
 pub mod stand;

@@ -22,8 +22,8 @@ use crate::numerics::least_squares::{Residuals, Solution};
 use crate::trim::condition::{FlightCondition, Lateral};
 use crate::trim::shooting::{Flown, Shooting};
 use crate::trim::solve::{
-    Branch, COARSE_STEPS, COARSE_TOLERANCE, Guess, Options, Start, Status, TrimPoint, bounds,
-    newton, refine, solve, trim,
+    Branch, COARSE_TOLERANCE, Guess, Options, Start, Status, TrimPoint, bounds, coarse_steps,
+    newton, refine, solve, trim, whole_period,
 };
 use crate::vehicle::{Layout, Vehicle};
 use nalgebra::{DMatrix, DVector};
@@ -103,6 +103,8 @@ impl Break {
 pub(super) struct LevelFlight<'a> {
     vehicle: &'a Vehicle,
     options: &'a Options,
+    /// The same with the steps of a whole period.
+    whole: Options,
     /// Speed between two nodes, m/s.
     spacing: f64,
     /// Index of the first node: 0 in hover.
@@ -123,6 +125,7 @@ impl<'a> LevelFlight<'a> {
         let mut level = Self {
             vehicle,
             options,
+            whole: whole_period(vehicle, options),
             spacing,
             root: 0,
             faster: Vec::new(),
@@ -174,7 +177,7 @@ impl<'a> LevelFlight<'a> {
     }
 
     fn shooting(&self, condition: FlightCondition) -> Shooting<'a> {
-        Shooting::new(self.vehicle, condition, self.options.method, COARSE_STEPS)
+        Shooting::new(self.vehicle, condition, self.options.method, coarse_steps(self.vehicle))
     }
 
     /// A coarse solution from the estimate.
@@ -226,8 +229,8 @@ impl<'a> LevelFlight<'a> {
             Ok(node) => {
                 let shooting = self.shooting(node.condition);
                 shooting.keep(node.flown);
-                let start = Start::from_coarse(&shooting, &node.solution, self.options);
-                let mut point = refine(self.vehicle, condition, start, self.options);
+                let start = Start::from_coarse(&shooting, &node.solution, &self.whole);
+                let mut point = refine(self.vehicle, condition, start, &self.whole);
                 point.branch = match node.folds {
                     0 => Branch::LevelFlight,
                     folds => Branch::Folded { folds },

@@ -13,7 +13,7 @@ use std::cell::RefCell;
 
 /// Tangents carried in one pass of the Jacobian; larger systems take several.
 const WIDTH: usize = 28;
-/// Most steps a period of the Jacobian. It steers the solver and is no result:
+/// Most steps a blade passage of the Jacobian. It steers the solver and is no result:
 /// with this many steps it is right to about 1e-4, and every iteration still
 /// gains that factor.
 const JACOBIAN_STEPS: usize = 24;
@@ -85,16 +85,20 @@ impl<'a> Shooting<'a> {
         let mut fixed = vec![0.0; vehicle.state_count()];
         let mut held = vec![false; vehicle.state_count()];
         for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-            if let Some(start) = places.speed {
+            if let Some(start) = places.speed
+                && !rotor.commanded
+            {
                 fixed[start] = rotor.speed;
                 held[start] = true;
-                held[start + 1] = true;
+            }
+            if let Some(place) = places.azimuth {
+                held[place] = true;
             }
         }
         let free: Vec<usize> = (0..vehicle.state_count()).filter(|&k| !held[k]).collect();
         let mut scales: Vec<f64> = free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
         scales.extend(stick_scales(vehicle));
-        let jacobian_steps = steps.min(JACOBIAN_STEPS);
+        let jacobian_steps = steps.min(JACOBIAN_STEPS * vehicle.passages);
         let last = RefCell::new(None);
         Self { vehicle, condition, method, steps, jacobian_steps, free, fixed, scales, last }
     }
@@ -370,14 +374,20 @@ impl Residuals for Shooting<'_> {
     }
 }
 
-/// Stick travel, %, that moves a blade by one hundredth of a radian.
+/// Stick travel, %, that moves a blade by one hundredth of a radian, or changes
+/// a commanded speed by two hundredths of nominal.
 pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
     [0, 1, 2, 3].map(|stick| {
         let most = vehicle
             .controls
             .mix
             .iter()
-            .flat_map(|mix| [mix.theta_0[stick], mix.theta_1c[stick], mix.theta_1s[stick]])
+            .zip(&vehicle.rotors)
+            .flat_map(|(mix, rotor)| {
+                let speed =
+                    if rotor.commanded { 0.5 * mix.speed[stick] / rotor.speed } else { 0.0 };
+                [mix.theta_0[stick], mix.theta_1c[stick], mix.theta_1s[stick], speed]
+            })
             .map(f64::abs)
             .fold(0.0, f64::max);
         if most > 0.0 { 0.01 / most } else { 1.0 }

@@ -22,9 +22,10 @@ pub struct Options {
     /// length of the step, relative to the unknown or, where that is small, to
     /// its scale: the error test that chooses the step.
     pub step_tolerance: f64,
-    /// Steps a period to begin with.
+    /// Steps to begin with, for each blade passage of the slowest resolved rotor
+    /// in a period; where no rotor is resolved fewer serve.
     pub steps: usize,
-    /// Most steps a period.
+    /// Most steps, likewise.
     pub most_steps: usize,
     /// Most iterations of one solve.
     pub max_iterations: usize,
@@ -45,8 +46,10 @@ impl Default for Options {
     }
 }
 
-/// Steps a period of the solve that comes before a finer one.
-pub(super) const COARSE_STEPS: usize = 24;
+/// Steps over a period at least, enough where the dynamics do not vary with it.
+const STEADY_STEPS: usize = 4;
+/// Steps a blade passage of the solve that comes before a finer one.
+const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
 /// what the coarse step is right to.
 pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
@@ -373,13 +376,21 @@ impl Guess {
         let share = vehicle.mass * STANDARD_GRAVITY / vehicle.rotors.len() as f64;
         let mut collective = 0.0;
         for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
+            if rotor.coefficients.is_some() {
+                if let Some(start) = places.speed {
+                    state[start] = rotor.speed;
+                }
+                continue;
+            }
             let c_t = share / rotor.force_scale();
             let mu = condition.horizontal_speed() / rotor.tip_speed();
             let mut lambda = (c_t / 2.0).sqrt();
             for _ in 0..20 {
                 lambda = 0.5 * (lambda + c_t / (2.0 * (mu * mu + lambda * lambda).sqrt()));
             }
-            state[places.self_inflow] = lambda;
+            if let Some(start) = places.self_inflow {
+                state[start] = lambda;
+            }
             if let Some(start) = places.total_inflow {
                 state[start] = lambda;
             }
@@ -388,6 +399,9 @@ impl Guess {
             }
             collective += rotor.collective_estimate(c_t, lambda) / vehicle.rotors.len() as f64;
         }
+        if let Some(stick) = speed_estimate(vehicle, share) {
+            return Self { state, sticks: [0.0, 0.0, stick, 0.0], steps: None, jacobian: None };
+        }
         let count = vehicle.rotors.len() as f64;
         let gain = vehicle.controls.mix.iter().map(|mix| mix.theta_0[2]).sum::<f64>() / count;
         let rigging = vehicle.controls.mix.iter().map(|mix| mix.rigging[0]).sum::<f64>() / count;
@@ -395,6 +409,19 @@ impl Guess {
         let [low, high] = vehicle.controls.stick_limits[2];
         Self { state, sticks: [0.0, 0.0, stick.clamp(low, high), 0.0], steps: None, jacobian: None }
     }
+}
+
+/// Collective stick, %, at which rotors by coefficients carry a share of the
+/// weight each, where it commands their speeds.
+fn speed_estimate(vehicle: &Vehicle, share: f64) -> Option<f64> {
+    let sticks = vehicle.rotors.iter().zip(&vehicle.controls.mix).filter_map(|(rotor, mix)| {
+        let speed = (share / rotor.coefficients?.thrust).sqrt();
+        (rotor.commanded && mix.speed[2] != 0.0).then(|| (speed - mix.speed_rigging) / mix.speed[2])
+    });
+    let sticks: Vec<f64> = sticks.collect();
+    let [low, high] = vehicle.controls.stick_limits[2];
+    let mean = sticks.iter().sum::<f64>() / sticks.len() as f64;
+    (!sticks.is_empty()).then(|| mean.clamp(low, high))
 }
 
 /// Trims a vehicle at a condition from a guess: the solution that the guess
@@ -413,11 +440,13 @@ pub fn trim(
     guess: &Guess,
     options: &Options,
 ) -> TrimPoint {
-    let steps = guess.steps.unwrap_or(options.steps).max(4);
+    let options = &whole_period(vehicle, options);
+    let coarse_steps = COARSE_STEPS * vehicle.passages;
+    let steps = guess.steps.unwrap_or(options.steps).max(STEADY_STEPS);
     let jacobian = guess.jacobian.clone();
     let mut start = Start { steps, jacobian, ..Start::at(guess.state.clone(), guess.sticks) };
-    if steps > COARSE_STEPS {
-        let shooting = Shooting::new(vehicle, condition, options.method, COARSE_STEPS);
+    if steps > coarse_steps {
+        let shooting = Shooting::new(vehicle, condition, options.method, coarse_steps);
         let x = shooting.pack(&guess.state, &guess.sticks);
         let limits = bounds(vehicle, &shooting);
         let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
@@ -429,6 +458,21 @@ pub fn trim(
         }
     }
     refine(vehicle, condition, start, options)
+}
+
+/// Options with the steps of a whole period: as many passages as it has, or
+/// few where the dynamics do not vary with azimuth.
+pub(super) fn whole_period(vehicle: &Vehicle, options: &Options) -> Options {
+    Options {
+        steps: if vehicle.is_steady() { STEADY_STEPS } else { options.steps * vehicle.passages },
+        most_steps: options.most_steps * vehicle.passages,
+        ..options.clone()
+    }
+}
+
+/// Steps a period of a coarse solution.
+pub(super) fn coarse_steps(vehicle: &Vehicle) -> usize {
+    if vehicle.is_steady() { STEADY_STEPS } else { COARSE_STEPS * vehicle.passages }
 }
 
 /// Where the finer systems start.
@@ -470,7 +514,9 @@ impl Start {
         let (x, coarser) = match shift {
             Some(shift) => {
                 let corrected = &solution.x + shift;
-                (corrected.clone(), Some((shooting.steps(), corrected)))
+                // The same number of steps would tell nothing of their error.
+                let coarser = shooting.steps() < options.steps;
+                (corrected.clone(), coarser.then_some((shooting.steps(), corrected)))
             }
             None => (solution.x.clone(), None),
         };
@@ -478,7 +524,7 @@ impl Start {
         Self {
             jacobian: carried(solution),
             coarser,
-            steps: options.steps.max(4),
+            steps: options.steps,
             iterations: solution.iterations,
             history: solution.history.clone(),
             ..Self::at(state, sticks)

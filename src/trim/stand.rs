@@ -14,7 +14,6 @@ use crate::numerics::integration::{Integrator, KUTTA_3_8};
 use crate::numerics::least_squares::{self, EvaluationError, Residuals};
 use crate::numerics::scalar::{Dual, Scalar};
 use crate::problem::{Problem, RotorMix};
-use crate::units::STANDARD_GRAVITY;
 use crate::vehicle::inflow::FlowState;
 use crate::vehicle::{Layout, Vehicle, VehicleError};
 use nalgebra::{DMatrix, DVector};
@@ -57,6 +56,25 @@ pub struct Flow {
 #[derive(Debug, Clone)]
 pub struct Stand {
     vehicle: Vehicle,
+    /// Place of θ_0 among the effectors.
+    pitch: usize,
+}
+
+/// Why a rotor makes no stand.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StandError {
+    /// The vehicle cannot be built.
+    #[error(transparent)]
+    Vehicle(#[from] VehicleError),
+    /// The rotor has no blades whose pitch could be trimmed.
+    #[error(
+        "rotor `{rotor}` is given by thrust and torque coefficients: its thrust follows from its \
+         speed, and there are no blades to trim"
+    )]
+    NoBlades {
+        /// Rotor.
+        rotor: String,
+    },
 }
 
 /// A rotor trimmed on the stand: means over a period.
@@ -100,11 +118,11 @@ impl Stand {
     /// The stand of one rotor of a problem, by its place in the file.
     ///
     /// # Errors
-    /// As for a vehicle.
+    /// As for a vehicle, and for a rotor without blades.
     ///
     /// # Panics
     /// Where the problem has no such rotor.
-    pub fn new(problem: &Problem, rotor: usize) -> Result<Self, VehicleError> {
+    pub fn new(problem: &Problem, rotor: usize) -> Result<Self, StandError> {
         let mut alone = problem.clone();
         let mut part = problem.rotors[rotor].clone();
         part.hub = alone.mass.center_of_gravity;
@@ -116,8 +134,14 @@ impl Stand {
         alone.inflow.interactions = false;
         let controls = &mut alone.controls;
         let none = [0.0; 4];
-        controls.mix =
-            vec![RotorMix { theta_0: none, theta_1c: none, theta_1s: none, rigging: [0.0; 3] }];
+        controls.mix = vec![RotorMix {
+            theta_0: none,
+            theta_1c: none,
+            theta_1s: none,
+            rigging: [0.0; 3],
+            speed: none,
+            speed_rigging: controls.mix[rotor].speed_rigging,
+        }];
         controls.collective_limits = vec![controls.collective_limits[rotor]];
         controls.cyclic_limits = vec![controls.cyclic_limits[rotor]];
         let mass = &mut alone.mass;
@@ -128,20 +152,17 @@ impl Stand {
         for product in [&mut mass.i_xy, &mut mass.i_xz, &mut mass.i_yz] {
             *product = 0.0;
         }
-        Ok(Self { vehicle: Vehicle::new(&alone)? })
-    }
-
-    /// Thrust coefficient that carries a share of the problem's weight.
-    #[must_use]
-    pub fn thrust_coefficient_of_weight(&self, problem: &Problem) -> f64 {
-        let share = problem.mass.mass * STANDARD_GRAVITY / problem.rotors.len() as f64;
-        share / self.vehicle.rotors[0].force_scale()
+        let vehicle = Vehicle::new(&alone)?;
+        let pitch = vehicle.layout.rotors[0]
+            .pitch
+            .ok_or_else(|| StandError::NoBlades { rotor: vehicle.rotors[0].name.clone() })?;
+        Ok(Self { vehicle, pitch })
     }
 
     /// The rotor trimmed to a load in a flow, from momentum theory.
     #[must_use]
     pub fn trim(&self, load: Load, flow: Flow) -> StandPoint {
-        let system = System::new(&self.vehicle, load, flow);
+        let system = System::new(&self.vehicle, self.pitch, load, flow);
         let start = system.estimate();
         let options = least_squares::Options {
             residual_tolerance: TOLERANCE / (start.len() as f64).sqrt(),
@@ -168,17 +189,19 @@ struct System<'a> {
     flow: Flow,
     free: Vec<usize>,
     scales: Vec<f64>,
+    /// Place of θ_0 among the effectors.
+    pitch: usize,
 }
 
 impl<'a> System<'a> {
-    fn new(vehicle: &'a Vehicle, load: Load, flow: Flow) -> Self {
-        let speed = vehicle.layout.rotors[0].speed;
-        let held = |k: usize| speed.is_some_and(|start| k == start || k == start + 1);
+    fn new(vehicle: &'a Vehicle, pitch: usize, load: Load, flow: Flow) -> Self {
+        let places = &vehicle.layout.rotors[0];
+        let held = |k: usize| places.speed == Some(k) || places.azimuth == Some(k);
         let free: Vec<usize> =
             (Layout::BODY.count..vehicle.state_count()).filter(|&k| !held(k)).collect();
         let mut scales: Vec<f64> = free.iter().map(|&k| vehicle.layout.states[k].scale).collect();
         scales.extend([0.01; 3]);
-        Self { vehicle, load, flow, free, scales }
+        Self { vehicle, load, flow, free, scales, pitch }
     }
 
     /// Momentum theory and blade-element theory.
@@ -203,7 +226,7 @@ impl<'a> System<'a> {
         let mut x = DVector::zeros(self.scales.len());
         let places = &self.vehicle.layout.rotors[0];
         for (index, &k) in self.free.iter().enumerate() {
-            if k == places.self_inflow || places.total_inflow == Some(k) {
+            if places.self_inflow == Some(k) || places.total_inflow == Some(k) {
                 x[index] = lambda / self.scales[index];
             }
         }
@@ -228,10 +251,10 @@ impl<'a> System<'a> {
         let n = self.free.len();
         let mut effectors = vec![S::default(); self.vehicle.effector_count()];
         for k in 0..3 {
-            effectors[places.effectors + k] = x[n + k] * self.scales[n + k];
+            effectors[self.pitch + k] = x[n + k] * self.scales[n + k];
         }
-        if rotor.governor_time_constant.is_some() {
-            effectors[places.effectors + 3] = S::constant(rotor.speed);
+        if let Some(command) = places.command {
+            effectors[command] = S::constant(rotor.speed);
         }
         (state, effectors)
     }
@@ -347,7 +370,7 @@ impl<'a> System<'a> {
         let still = self.flow == Flow::default() && thrust > 0.0;
         let [edgewise, axial] =
             [self.flow.edgewise, self.flow.axial].map(|v| v / rotor.tip_speed());
-        let at = vehicle.layout.rotors[0].effectors;
+        let at = self.pitch;
         StandPoint {
             flow: self.flow,
             failure,

@@ -6,18 +6,13 @@
 //! the same figure. [`identities`] looks at a whole problem; the validation
 //! page shows the list and the tests hold every line of it.
 //!
-//! Beside print stand [`entries`] and [`eigenvalues`] of the printed matrices,
-//! [`paper`], what its text says of curves without numbers, and
-//! [`hypotheses`], what was tried on numbers that do not fit.
+//! A [`Claim`] is a statement of a publication that a figure of ours meets or
+//! misses.
 
 mod claims;
-pub mod eigenvalues;
-pub mod entries;
-pub mod hypotheses;
 mod identities;
 mod level;
 mod mirror;
-pub mod paper;
 
 pub use claims::{Bound, Claim};
 pub use identities::{ValidationError, identities};

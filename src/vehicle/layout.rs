@@ -36,14 +36,24 @@ pub struct BodyStates {
 pub struct RotorStates {
     /// β_1c, β_1s; none for a rigid rotor.
     pub flapping: Option<usize>,
-    /// λ_s0, λ_s1c, λ_s1s.
-    pub self_inflow: usize,
+    /// Coning β_0, where it is a state.
+    pub coning: Option<usize>,
+    /// Where the flap states begin, how many angles they are, and how many
+    /// rates, which follow.
+    pub flap: [usize; 3],
+    /// λ_s0, λ_s1c, λ_s1s; none for a rotor by coefficients.
+    pub self_inflow: Option<usize>,
     /// λ_0, λ_1c, λ_1s; none where total inflow is algebraic.
     pub total_inflow: Option<usize>,
-    /// Ω and the azimuth's lead over nominal; none where speed is held.
+    /// Ω; none where speed is held.
     pub speed: Option<usize>,
-    /// θ_0, θ_1c, θ_1s, and Ω_cmd where the speed is governed.
-    pub effectors: usize,
+    /// The azimuth's lead over nominal; none where speed is held, or the rotor
+    /// is averaged over its azimuth.
+    pub azimuth: Option<usize>,
+    /// θ_0, θ_1c, θ_1s; none for a rotor by coefficients.
+    pub pitch: Option<usize>,
+    /// Ω_cmd, where a governor or a motor takes it.
+    pub command: Option<usize>,
 }
 
 /// States and blade controls of a vehicle, in order.
@@ -79,19 +89,31 @@ impl Layout {
         let mut places = Vec::new();
         for rotor in rotors {
             let name = |state: &str| format!("{}.{state}", rotor.name);
-            let flapping = rotor.teetering.then(|| {
+            let (angles, rates) = match &rotor.set {
+                Some(set) => set.states(),
+                None if rotor.teetering => (vec!["beta_1c".into(), "beta_1s".into()], Vec::new()),
+                None => (Vec::new(), Vec::new()),
+            };
+            let flap = [states.len(), angles.len(), rates.len()];
+            let place = |state: &str| angles.iter().position(|angle| angle == state);
+            let [coning, flapping] =
+                ["beta_0", "beta_1c"].map(|state| place(state).map(|at| flap[0] + at));
+            for angle in &angles {
+                push(&mut states, name(angle), Kind::AngleRad, 0.02);
+            }
+            for rate in &rates {
+                push(&mut states, name(rate), Kind::AngularRateRad, 0.02 * rotor.speed);
+            }
+            let bladed = rotor.coefficients.is_none();
+            let self_inflow = bladed.then(|| {
                 let start = states.len();
-                for state in ["beta_1c", "beta_1s"] {
-                    push(&mut states, name(state), Kind::AngleRad, 0.02);
+                for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
+                    push(&mut states, name(state), Kind::Dimensionless, 0.01);
                 }
                 start
             });
-            let self_inflow = states.len();
-            for state in ["lambda_s0", "lambda_s1c", "lambda_s1s"] {
-                push(&mut states, name(state), Kind::Dimensionless, 0.01);
-            }
             let total_inflow =
-                matches!(inflow.total_inflow, TotalInflow::LowPass { .. }).then(|| {
+                (bladed && matches!(inflow.total_inflow, TotalInflow::LowPass { .. })).then(|| {
                     let start = states.len();
                     for state in ["lambda_0", "lambda_1c", "lambda_1s"] {
                         push(&mut states, name(state), Kind::Dimensionless, 0.01);
@@ -101,22 +123,35 @@ impl Layout {
             let speed = rotor.governor_time_constant.map(|_| {
                 let start = states.len();
                 push(&mut states, name("omega"), Kind::AngularRateRad, 1.0);
+                start
+            });
+            let azimuth = (speed.is_some() && !rotor.is_averaged()).then(|| {
+                let start = states.len();
                 push(&mut states, name("azimuth"), Kind::AngleRad, 0.1);
                 start
             });
-            let first_effector = effectors.len();
-            for control in ["theta_0", "theta_1c", "theta_1s"] {
-                push(&mut effectors, name(control), Kind::AngleRad, 0.01);
-            }
-            if rotor.governor_time_constant.is_some() {
+            let pitch = bladed.then(|| {
+                let start = effectors.len();
+                for control in ["theta_0", "theta_1c", "theta_1s"] {
+                    push(&mut effectors, name(control), Kind::AngleRad, 0.01);
+                }
+                start
+            });
+            let command = rotor.governor_time_constant.map(|_| {
+                let start = effectors.len();
                 push(&mut effectors, name("omega_command"), Kind::AngularRateRad, 1.0);
-            }
+                start
+            });
             places.push(RotorStates {
                 flapping,
+                coning,
+                flap,
                 self_inflow,
                 total_inflow,
                 speed,
-                effectors: first_effector,
+                azimuth,
+                pitch,
+                command,
             });
         }
         Self { states, effectors, rotors: places }

@@ -13,6 +13,8 @@
 
 pub mod airfoil;
 pub mod atmosphere;
+pub mod azimuth;
+pub mod blades;
 pub mod frames;
 pub mod fuselage;
 pub mod inflow;
@@ -24,9 +26,13 @@ pub mod summary;
 pub mod wing;
 
 use crate::numerics::scalar::{Local, Scalar, Vec3};
-use crate::problem::{Controls, Formulation, InflowOptions, MassFlow, Problem, TotalInflow};
+use crate::problem::{
+    AzimuthModel, Controls, Formulation, InflowOptions, MassFlow, Problem, TotalInflow,
+};
 use crate::units::STANDARD_GRAVITY;
 use atmosphere::Air;
+use azimuth::Turning;
+use blades::{Blade, BladeAtSpeed, BladeGoverned, MOST_EVALUATED};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
@@ -36,10 +42,6 @@ use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
 use wing::{UnwashedLoads, Wing};
 
-/// Most blade passages within which rotors must come round together.
-const LONGEST_PERIOD: usize = 240;
-/// How near to a whole number of blade passages counts as whole.
-const PERIOD_TOLERANCE: f64 = 1e-9;
 /// Change of uniform inflow at which the algebraic loop is closed.
 const LOOP_TOLERANCE: f64 = 1e-14;
 /// Rounds of the algebraic loop between mass flow and interference.
@@ -48,15 +50,29 @@ const LOOP_ROUNDS: usize = 60;
 /// Why a checked problem makes no vehicle.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum VehicleError {
-    /// Rotor speeds have no common period.
+    /// The speeds of rotors that are to be resolved have no common period.
     #[error(
-        "the rotors never come round together: no time up to {passages} blade passages of the \
-         slowest is a whole number of passages of every rotor; choose rotor speeds in the ratio of \
-         small whole numbers"
+        "the rotors `{rotors}` are to be resolved in azimuth but never come round together: no time \
+         up to {passages} blade passages of the slowest is a whole number of passages of each; \
+         choose speeds in the ratio of small whole numbers, or write azimuth = \"averaged\" for some"
     )]
     NoCommonPeriod {
+        /// Names of the rotors.
+        rotors: String,
         /// Longest period tried, in passages of the slowest rotor.
         passages: usize,
+    },
+    /// The blades of an averaged rotor meet so much that changes over a turn
+    /// that no number of azimuths gives their mean.
+    #[error(
+        "rotor `{rotor}`: {azimuths} azimuths are too few for the mean of its loads, which change \
+         abruptly over a turn; check its airfoil"
+    )]
+    Averaging {
+        /// Rotor.
+        rotor: String,
+        /// Most azimuths tried.
+        azimuths: usize,
     },
     /// An airfoil table cannot be interpolated.
     #[error("airfoil of `{of}`: {source}")]
@@ -123,10 +139,14 @@ pub struct Vehicle {
     formulation: Formulation,
     /// Names and places of states and effectors.
     pub layout: Layout,
-    /// Speed of the slowest rotor, rad/s: the reference azimuth turns with it.
+    /// Speed of the slowest resolved rotor, rad/s: the reference azimuth turns
+    /// with it.
     pub reference_speed: f64,
-    /// Period of the dynamics, s.
+    /// Period of the dynamics, s. Where no rotor is resolved the dynamics do not
+    /// vary with time, and this is a time like any other.
     pub period: f64,
+    /// Blade passages of the slowest resolved rotor in a period.
+    pub passages: usize,
     /// Factor on the inflow that rotors induce in one another, 1: for studies
     /// of how much hangs on it.
     pub interference_gain: f64,
@@ -151,6 +171,10 @@ pub struct Workspace<S> {
     pub(crate) shaft: Vec<Shaft<S>>,
     pub(crate) teeter: Vec<[S; 2]>,
     pub(crate) loads: Vec<RotorLoads<S>>,
+    /// Blades of rotors that are treated blade by blade, and without tangents;
+    /// none of others.
+    pub(crate) sets: Vec<Vec<Blade<S>>>,
+    pub(crate) plain_sets: Vec<Vec<Blade<f64>>>,
     /// Rows of hub-to-blades rotations, without tangents.
     pub(crate) blades: Vec<[Vec3<f64>; 3]>,
     pub(crate) fuselage_loads: Vec<(Vec3<S>, Vec3<S>)>,
@@ -177,10 +201,15 @@ impl Vehicle {
     pub fn new(problem: &Problem) -> Result<Self, VehicleError> {
         let air = Air::at(&problem.atmosphere);
         let cg = &problem.mass.center_of_gravity;
+        let Turning { models, reference_speed, period, passages } = Turning::of(problem)?;
         let rotors: Vec<Rotor> = problem
             .rotors
             .iter()
-            .map(|rotor| Rotor::new(rotor, &problem.formulation, cg, &air))
+            .zip(models)
+            .map(|(rotor, model)| match model {
+                AzimuthModel::Resolved => Rotor::new(rotor, &problem.formulation, cg, &air),
+                AzimuthModel::Averaged => Rotor::averaged(rotor, &problem.formulation, cg, &air),
+            })
             .collect::<Result<_, _>>()?;
         let wings: Vec<Wing> =
             problem.wings.iter().map(|wing| Wing::new(wing, cg, &air)).collect::<Result<_, _>>()?;
@@ -189,7 +218,6 @@ impl Vehicle {
         let m = &problem.mass;
         let inertia =
             [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
-        let (reference_speed, period) = common_period(&rotors)?;
         let layout = Layout::new(&rotors, &problem.inflow);
         let mut vehicle = Self {
             name: problem.name.clone(),
@@ -205,6 +233,7 @@ impl Vehicle {
             layout,
             reference_speed,
             period,
+            passages,
             interference_gain: 1.0,
             interference: Vec::new(),
             fuselage_wash: Vec::new(),
@@ -243,7 +272,9 @@ impl Vehicle {
         let built: Vec<Result<Option<Interference>, VehicleError>> = pairs
             .par_iter()
             .map(|&(i, j)| {
-                if i == j || !self.inflow.interactions {
+                let bladed = |rotor: &Rotor| rotor.coefficients.is_none();
+                let both = bladed(&self.rotors[i]) && bladed(&self.rotors[j]);
+                if i == j || !self.inflow.interactions || !both {
                     return Ok(None);
                 }
                 let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
@@ -315,6 +346,12 @@ impl Vehicle {
         Ok(())
     }
 
+    /// Whether no rotor is resolved in azimuth, so that a trim is a steady point.
+    #[must_use]
+    pub fn is_steady(&self) -> bool {
+        self.rotors.iter().all(Rotor::is_averaged)
+    }
+
     /// Number of states.
     #[must_use]
     pub fn state_count(&self) -> usize {
@@ -346,6 +383,8 @@ impl Vehicle {
             shaft: vec![shaft; n],
             teeter: vec![[S::default(); 2]; n],
             loads: vec![RotorLoads::default(); n],
+            sets: self.sets(),
+            plain_sets: self.sets(),
             blades: vec![[Vec3::default(); 3]; n],
             fuselage_loads: vec![(zero, zero); self.fuselages.len()],
             wing_loads: vec![(zero, zero); self.wings.len()],
@@ -353,19 +392,34 @@ impl Vehicle {
         }
     }
 
-    /// Blade controls from stick positions in percent: rigging plus mix;
-    /// commanded rotor speeds stay nominal.
+    /// Blades of the rotors that are treated blade by blade.
+    fn sets<S: Scalar>(&self) -> Vec<Vec<Blade<S>>> {
+        let count = |rotor: &Rotor| rotor.set.as_ref().map_or(0, |set| set.len());
+        self.rotors.iter().map(|rotor| vec![Blade::default(); count(rotor)]).collect()
+    }
+
+    /// Blade controls and commanded speeds from stick positions in percent:
+    /// rigging plus mix. A governor's speed stays nominal.
     pub fn mix<S: Scalar>(&self, sticks: &[S; 4], effectors: &mut [S]) {
         for (index, rotor) in self.rotors.iter().enumerate() {
             let mix = &self.controls.mix[index];
-            let start = self.layout.rotors[index].effectors;
-            for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
-                let value = mix.rigging[k]
-                    + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
-                effectors[start + k] = S::chain(value, row, sticks);
+            let places = &self.layout.rotors[index];
+            let geared = |rigging: f64, row: &[f64; 4]| {
+                let value =
+                    rigging + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
+                S::chain(value, row, sticks)
+            };
+            if let Some(start) = places.pitch {
+                for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
+                    effectors[start + k] = geared(mix.rigging[k], row);
+                }
             }
-            if rotor.governor_time_constant.is_some() {
-                effectors[start + 3] = S::constant(rotor.speed);
+            if let Some(place) = places.command {
+                effectors[place] = if rotor.commanded {
+                    geared(mix.speed_rigging, &mix.speed)
+                } else {
+                    S::constant(rotor.speed)
+                };
             }
         }
     }
@@ -426,60 +480,43 @@ impl Vehicle {
             let shaft = &work.shaft[index];
             let ([vx, vy, vz], [p, q, r]) = (work.hub[index][0].0, work.hub[index][1].0);
             let [l0, l1c, l1s] = work.inflow[index];
-            let at = places.effectors;
-            let (t0, t1c, t1s) = (effectors[at], effectors[at + 1], effectors[at + 2]);
+            let [t0, t1c, t1s] = places
+                .pitch
+                .map_or([zero; 3], |at| [effectors[at], effectors[at + 1], effectors[at + 2]]);
             let [b1c, b1s] = flapping;
             let air_rate_hub = rotor.frame.rate_hub(motion.rate);
-            let loads = if rotor.governor_time_constant.is_none() {
-                let azimuth = (shaft.sine.value(), shaft.cosine.value());
-                S::compose(
-                    &LoadsAtSpeed { rotor, azimuth, air_rate_hub },
-                    &[vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s],
-                )
+            let input = [vx, vy, vz, p, q, r, b1c, b1s, l0, l1c, l1s, t0, t1c, t1s];
+            if rotor.set.is_some() {
+                self.blade_loads(index, &input, state, air_rate_hub, work);
             } else {
-                let Shaft { speed, acceleration, sine, cosine } = *shaft;
-                S::compose(
-                    &LoadsGoverned { rotor, air_rate_hub },
-                    &[
-                        vx,
-                        vy,
-                        vz,
-                        p,
-                        q,
-                        r,
-                        b1c,
-                        b1s,
-                        l0,
-                        l1c,
-                        l1s,
-                        t0,
-                        t1c,
-                        t1s,
-                        speed,
-                        acceleration,
-                        sine,
-                        cosine,
-                    ],
-                )
-            };
-            let [fx, fy, fz, mx, my, mz, teeter_acceleration, c_t, c_l, c_m] = loads;
-            work.loads[index] = RotorLoads {
-                force_hub: Vec3([fx, fy, fz]),
-                moment_hub: Vec3([mx, my, mz]),
-                teeter_acceleration,
-                thrust_coefficient: c_t,
-                roll_coefficient: c_l,
-                pitch_coefficient: c_m,
-            };
-            work.teeter[index] = rotor.teeter(&flapping, shaft);
-            let [teeter_angle, _] = work.teeter[index].map(S::value);
-            work.blades[index] = rotor.hub_to_blades(teeter_angle, &shaft.value());
+                let loads = if rotor.governor_time_constant.is_none() {
+                    let azimuth = (shaft.sine.value(), shaft.cosine.value());
+                    S::compose(&LoadsAtSpeed { rotor, azimuth, air_rate_hub }, &input)
+                } else {
+                    S::compose(&LoadsGoverned { rotor, air_rate_hub }, &with_shaft(&input, shaft))
+                };
+                let [fx, fy, fz, mx, my, mz, teeter_acceleration, c_t, c_l, c_m] = loads;
+                work.loads[index] = RotorLoads {
+                    force_hub: Vec3([fx, fy, fz]),
+                    moment_hub: Vec3([mx, my, mz]),
+                    teeter_acceleration,
+                    thrust_coefficient: c_t,
+                    roll_coefficient: c_l,
+                    pitch_coefficient: c_m,
+                };
+                work.teeter[index] = rotor.teeter(&flapping, shaft);
+                let [teeter_angle, _] = work.teeter[index].map(S::value);
+                work.blades[index] = rotor.hub_to_blades(teeter_angle, &shaft.value());
+            }
+            let RotorLoads { thrust_coefficient: c_t, roll_coefficient: c_l, .. } =
+                work.loads[index];
+            let c_m = work.loads[index].pitch_coefficient;
 
             let drive = [c_t, -c_m, -c_l];
+            let Some(own) = places.self_inflow else { continue };
             for (k, &load) in drive.iter().enumerate() {
                 let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
-                rates[places.self_inflow + k] =
-                    (load - work.wake[index].balance[k]) * (rotor.speed / mass);
+                rates[own + k] = (load - work.wake[index].balance[k]) * (rotor.speed / mass);
             }
             if let (Some(start), TotalInflow::LowPass { bandwidth }) =
                 (places.total_inflow, self.inflow.total_inflow)
@@ -512,7 +549,20 @@ impl Vehicle {
         for (index, rotor) in self.rotors.iter().enumerate() {
             let places = &self.layout.rotors[index];
             let shaft = work.shaft[index];
-            if let Some(start) = places.flapping {
+            if let Some(set) = &rotor.set {
+                let mut flap = [S::default(); MOST_EVALUATED];
+                let flap = &mut flap[..set.len()];
+                let blades = &work.sets[index];
+                let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
+                set.accelerated(blades, hub, spin, flap);
+                for (flap, blade) in flap.iter_mut().zip(blades) {
+                    *flap += blade.free;
+                }
+                let [start, angles, rates_after] = places.flap;
+                let range = start..start + angles + rates_after;
+                let states = &state[range.clone()];
+                set.rates(states, &shaft, blades, flap, &mut rates[range]);
+            } else if let Some(start) = places.flapping {
                 let ([p, q, r], [ax, ay, az]) = (rate.0, specific_force.0);
                 let [wx, wy, wz] = angular.0;
                 let Shaft { sine, cosine, .. } = shaft;
@@ -528,9 +578,108 @@ impl Vehicle {
             }
             if let Some(start) = places.speed {
                 rates[start] = shaft.acceleration;
-                rates[start + 1] = shaft.speed - rotor.speed;
+                if let Some(place) = places.azimuth {
+                    rates[place] = shaft.speed - rotor.speed;
+                }
             }
         }
+    }
+
+    /// Loads of a rotor that is treated blade by blade, on a hub that does not
+    /// accelerate, from its inputs (flapping left out of these).
+    #[inline(always)]
+    fn blade_loads<S: Scalar>(
+        &self,
+        index: usize,
+        input: &[S; 14],
+        state: &[S],
+        air_rate_hub: [f64; 3],
+        work: &mut Workspace<S>,
+    ) {
+        let rotor = &self.rotors[index];
+        let Some(set) = &rotor.set else { return };
+        let shaft = work.shaft[index];
+        let [start, angles, rates] = self.layout.rotors[index].flap;
+        let blades = &mut work.sets[index];
+        set.place(&state[start..start + angles + rates], &shaft, blades);
+        let mut sum = [S::default(); 10];
+        let mut flap = [S::default(); MOST_EVALUATED];
+        let flap = &mut flap[..blades.len()];
+        for (blade, flap) in blades.iter_mut().zip(flap.iter_mut()) {
+            let mut own = *input;
+            (own[6], own[7]) = (blade.angle, blade.rate);
+            let loads = if rotor.governor_time_constant.is_none() {
+                let azimuth = (blade.sine.value(), blade.cosine.value());
+                S::compose(&BladeAtSpeed { rotor, body: set.body(), azimuth, air_rate_hub }, &own)
+            } else {
+                let shaft = Shaft { sine: blade.sine, cosine: blade.cosine, ..shaft };
+                let governed = BladeGoverned { rotor, body: set.body(), air_rate_hub };
+                S::compose(&governed, &with_shaft(&own, &shaft))
+            };
+            *flap = loads[6];
+            for (sum, load) in sum.iter_mut().zip(loads) {
+                *sum += load;
+            }
+        }
+        set.constrained(blades, flap);
+        let (force, moment) = set.flapping_loads(blades, flap);
+        for (blade, flap) in blades.iter_mut().zip(flap.iter()) {
+            blade.free = *flap;
+        }
+        for (plain, blade) in work.plain_sets[index].iter_mut().zip(blades.iter()) {
+            *plain = blade.value();
+        }
+        let [fx, fy, fz, mx, my, mz, _, air_z, air_mx, air_my] = sum;
+        let scale = 1.0 / rotor.force_scale();
+        work.loads[index] = RotorLoads {
+            force_hub: Vec3([fx, fy, fz]) + force,
+            moment_hub: Vec3([mx, my, mz]) + moment,
+            teeter_acceleration: S::default(),
+            thrust_coefficient: air_z * -scale,
+            roll_coefficient: air_mx * (scale / rotor.radius),
+            pitch_coefficient: air_my * (scale / rotor.radius),
+        };
+    }
+
+    /// Force and moment on the hub, hub frame, that blades return for an
+    /// acceleration of their hub and an angular acceleration of the airframe.
+    #[inline(always)]
+    pub(crate) fn accelerated_hub<S: Scalar>(
+        &self,
+        index: usize,
+        work: &Workspace<S>,
+        hub: Vec3<f64>,
+        angular: Vec3<f64>,
+    ) -> (Vec3<f64>, Vec3<f64>) {
+        let rotor = &self.rotors[index];
+        match &rotor.set {
+            Some(set) => {
+                let mut flap = [0.0; MOST_EVALUATED];
+                let flap = &mut flap[..set.len()];
+                set.accelerated(&work.plain_sets[index], hub, angular, flap)
+            }
+            None => {
+                let (force, moment, _) =
+                    rotor.acceleration_loads(&work.blades[index], hub, angular);
+                (force, moment)
+            }
+        }
+    }
+
+    /// A force on the hub and a moment about it, hub frame, as force and moment
+    /// about the centre of gravity, body frame.
+    #[inline(always)]
+    fn from_hub<S: Scalar>(
+        &self,
+        index: usize,
+        force: Vec3<S>,
+        moment: Vec3<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let rotor = &self.rotors[index];
+        let force = force.rotated_back(&rotor.frame.polar);
+        let turn = rotor.frame.handedness;
+        let moment = Vec3(moment.rotated_back(&rotor.frame.polar).0.map(|c| c * turn));
+        (force, moment - force.cross_constant(rotor.position_body))
     }
 
     /// Velocity of the centre of gravity through the air and angular velocity
@@ -576,13 +725,17 @@ impl Vehicle {
         effectors: &[S],
     ) -> Shaft<S> {
         let rotor = &self.rotors[index];
-        let angle = rotor.azimuth_offset + azimuth * (rotor.speed / self.reference_speed);
+        let turned = if rotor.is_averaged() { 0.0 } else { azimuth };
+        let angle = rotor.azimuth_offset + turned * (rotor.speed / self.reference_speed);
         let places = &self.layout.rotors[index];
         match (places.speed, rotor.governor_time_constant) {
             (Some(start), Some(time_constant)) => {
-                let (sine, cosine) = (state[start + 1] + angle).sin_cos();
+                let (sine, cosine) = match places.azimuth {
+                    Some(place) => (state[place] + angle).sin_cos(),
+                    None => S::constant(angle).sin_cos(),
+                };
                 let speed = state[start];
-                let command = effectors[places.effectors + 3];
+                let command = places.command.map_or(speed, |place| effectors[place]);
                 let acceleration = (command - speed) * (1.0 / time_constant);
                 Shaft { speed, acceleration, sine, cosine }
             }
@@ -602,7 +755,7 @@ impl Vehicle {
     #[inline(always)]
     fn wakes<S: Scalar>(&self, state: &[S], work: &mut Workspace<S>) {
         for (index, places) in self.layout.rotors.iter().enumerate() {
-            let own = places.self_inflow;
+            let Some(own) = places.self_inflow else { continue };
             let start = places.total_inflow.unwrap_or(own);
             work.inflow[index] = [state[start], state[start + 1], state[start + 2]];
         }
@@ -613,7 +766,7 @@ impl Vehicle {
         let mut settled = false;
         for _ in 0..rounds {
             for (index, rotor) in self.rotors.iter().enumerate() {
-                let own = self.layout.rotors[index].self_inflow;
+                let Some(own) = self.layout.rotors[index].self_inflow else { continue };
                 let scale = 1.0 / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
@@ -633,7 +786,7 @@ impl Vehicle {
             }
             let mut change = 0.0_f64;
             for (index, places) in self.layout.rotors.iter().enumerate() {
-                let own = places.self_inflow;
+                let Some(own) = places.self_inflow else { continue };
                 let mut total = [state[own], state[own + 1], state[own + 2]];
                 for (source, table) in self.interference[index].iter().enumerate() {
                     if let Some(table) = table {
@@ -766,12 +919,8 @@ impl Vehicle {
         hub: Vec3<S>,
         angular_hub: Vec3<S>,
     ) -> (Vec3<S>, Vec3<S>) {
-        let rotor = &self.rotors[index];
-        let (force, moment, _) = rotor.acceleration_loads(blades, hub, angular_hub);
-        let force = force.rotated_back(&rotor.frame.polar);
-        let turn = rotor.frame.handedness;
-        let moment = Vec3(moment.rotated_back(&rotor.frame.polar).0.map(|c| c * turn));
-        (force, moment - force.cross_constant(rotor.position_body))
+        let (force, moment, _) = self.rotors[index].acceleration_loads(blades, hub, angular_hub);
+        self.from_hub(index, force, moment)
     }
 
     /// Solves Newton's and Euler's equations of airframe and blades for the
@@ -800,9 +949,12 @@ impl Vehicle {
             right[3 + k] = moment.0[k].value() - gyroscopic.0[k];
         }
         for (index, rotor) in self.rotors.iter().enumerate() {
-            let blades = work.blades[index];
+            let returned = |hub: Vec3<f64>, angular: Vec3<f64>| {
+                let (force, moment) = self.accelerated_hub(index, work, hub, angular);
+                self.from_hub(index, force, moment)
+            };
             let (hub, _) = self.hub_acceleration(index, rate_value, zero, zero);
-            let (f, m) = self.returned(index, &blades, hub, zero);
+            let (f, m) = returned(hub, zero);
             for k in 0..3 {
                 right[k] += f.0[k];
                 right[3 + k] += m.0[k];
@@ -820,7 +972,7 @@ impl Vehicle {
                     let arm = Vec3(unit).cross_constant(rotor.position_body).rotated(polar);
                     (arm.0, [polar[0][axis] * turn, polar[1][axis] * turn, polar[2][axis] * turn])
                 };
-                let (f, m) = self.returned(index, &blades, Vec3(hub), Vec3(angular));
+                let (f, m) = returned(Vec3(hub), Vec3(angular));
                 for k in 0..3 {
                     matrix[k][column] -= f.0[k];
                     matrix[3 + k][column] -= m.0[k];
@@ -843,7 +995,25 @@ impl Vehicle {
                 residual[k] = force.0[k];
                 residual[3 + k] = moment.0[k] - gyroscopic[k];
             }
-            for index in 0..self.rotors.len() {
+            for (index, rotor) in self.rotors.iter().enumerate() {
+                if let Some(set) = &rotor.set {
+                    let [ax, ay, az, wx, wy, wz] = solution;
+                    let (hub, angular) = self.hub_acceleration(
+                        index,
+                        rate,
+                        Vec3::constant([ax, ay, az]),
+                        Vec3::constant([wx, wy, wz]),
+                    );
+                    let mut flap = [S::default(); MOST_EVALUATED];
+                    let flap = &mut flap[..set.len()];
+                    let (force, moment) = set.accelerated(&work.sets[index], hub, angular, flap);
+                    let (force, moment) = self.from_hub(index, force, moment);
+                    for k in 0..3 {
+                        residual[k] += force.0[k];
+                        residual[3 + k] += moment.0[k];
+                    }
+                    continue;
+                }
                 let Shaft { sine, cosine, .. } = work.shaft[index];
                 let part = S::compose(
                     &ReturnedAt { vehicle: self, index, solution },
@@ -929,6 +1099,15 @@ impl Local<3, 3> for Gyroscopic<'_> {
     }
 }
 
+/// Inputs of a rotor at its own speed, and its shaft.
+#[inline(always)]
+fn with_shaft<S: Scalar>(input: &[S; 14], shaft: &Shaft<S>) -> [S; 18] {
+    let mut all = [S::default(); 18];
+    all[..14].copy_from_slice(input);
+    all[14..].copy_from_slice(&[shaft.speed, shaft.acceleration, shaft.sine, shaft.cosine]);
+    all
+}
+
 /// Inflow that a wake induces over a disk.
 #[inline(always)]
 fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3] {
@@ -978,24 +1157,6 @@ fn axes_in(source: &Rotor, receiver: &Rotor) -> HubAxes<f64> {
         }
     }
     axes
-}
-
-/// Slowest rotor speed (rad/s) and the shortest time (s) in which every rotor
-/// makes a whole number of blade passages.
-fn common_period(rotors: &[Rotor]) -> Result<(f64, f64), VehicleError> {
-    let passage = |rotor: &Rotor| std::f64::consts::TAU / (rotor.blades as f64 * rotor.speed);
-    let slowest = rotors.iter().map(|rotor| rotor.speed).fold(f64::INFINITY, f64::min);
-    let longest = rotors.iter().map(passage).fold(0.0, f64::max);
-    (1..=LONGEST_PERIOD)
-        .map(|count| count as f64 * longest)
-        .find(|period| {
-            rotors.iter().all(|rotor| {
-                let passages = period / passage(rotor);
-                (passages - passages.round()).abs() < PERIOD_TOLERANCE * passages
-            })
-        })
-        .map(|period| (slowest, period))
-        .ok_or(VehicleError::NoCommonPeriod { passages: LONGEST_PERIOD })
 }
 
 /// Inverse of the mass matrix by Gauss–Jordan elimination with partial

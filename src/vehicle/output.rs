@@ -37,8 +37,11 @@ pub struct RotorOutput {
     /// Shaft power that a switch which leaves exact mechanics takes and no blade
     /// delivers, W: see [`Rotor::inexact_power`](super::rotor::Rotor::inexact_power).
     pub inexact_power: f64,
-    /// Teeter angle of blade 1, rad.
+    /// Flap angle of blade 1 against its precone, rad: on a teetering hub the
+    /// teeter angle.
     pub teeter_angle: f64,
+    /// Coning β_0, rad; zero where blades do not cone.
+    pub coning: f64,
 }
 
 /// Loads of a body or wing on the airframe.
@@ -88,13 +91,14 @@ impl Vehicle {
             .map(|(index, rotor)| {
                 let places = &self.layout.rotors[index];
                 let (hub, spin) = self.hub_acceleration(index, rate, specific_force, angular);
-                let (force, moment, _) = rotor.acceleration_loads(&work.blades[index], hub, spin);
+                let (force, moment) = self.accelerated_hub(index, work, hub, spin);
                 let force_hub = (work.loads[index].force_hub + force).0;
                 let moment_hub = (work.loads[index].moment_hub + moment).0;
                 let flapping = places.flapping.map_or([0.0; 2], |at| [state[at], state[at + 1]]);
-                let at = places.effectors;
-                let pitch = [effectors[at], effectors[at + 1], effectors[at + 2]];
-                let own = places.self_inflow;
+                let three = |list: &[f64], at: Option<usize>| {
+                    at.map_or([0.0; 3], |at| [list[at], list[at + 1], list[at + 2]])
+                };
+                let pitch = three(effectors, places.pitch);
                 let shaft = &work.shaft[index];
                 let input = RotorInput {
                     velocity_hub: work.hub[index][0],
@@ -104,13 +108,23 @@ impl Vehicle {
                     inflow: work.inflow[index],
                     pitch,
                 };
-                let blades = rotor.blade_power(&input, shaft);
+                let set = &work.sets[index];
+                let mut blades = match rotor.set {
+                    Some(_) => rotor.power_of(&input, shaft, |k| [set[k].angle, set[k].rate]),
+                    None => rotor.blade_power(&input, shaft),
+                };
+                if rotor.coefficients.is_some() {
+                    // What a rotor without blades takes from its shaft and its motion.
+                    let hub = input.velocity_hub;
+                    let along = Vec3([force_hub[0], force_hub[1], 0.0]);
+                    blades.profile = moment_hub[2] * shaft.speed - along.dot(hub);
+                }
                 RotorOutput {
                     thrust: -force_hub[2],
                     torque: moment_hub[2],
                     power: moment_hub[2] * shaft.speed,
                     inflow: work.inflow[index],
-                    self_inflow: [state[own], state[own + 1], state[own + 2]],
+                    self_inflow: three(state, places.self_inflow),
                     advance: work.hub[index][0].0.map(|v| v / rotor.tip_speed()),
                     flapping,
                     pitch,
@@ -124,7 +138,8 @@ impl Vehicle {
                         &work.blades[index],
                         (hub, spin),
                     ),
-                    teeter_angle: work.teeter[index][0],
+                    teeter_angle: set.first().map_or(work.teeter[index][0], |blade| blade.angle),
+                    coning: places.coning.map_or(0.0, |at| state[at]),
                 }
             })
             .collect();

@@ -27,10 +27,11 @@
 //! place: `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, Formulation, HubKind, Spanwise, TeeterEquation};
+use crate::problem::{self, Formulation, HubKind, RotorCoefficients, Spanwise, TeeterEquation};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
+use crate::vehicle::blades::{BladeBody, BladeSet, Mode};
 use crate::vehicle::frames::{HubFrame, position_body};
 use std::f64::consts::{PI, TAU};
 
@@ -47,6 +48,13 @@ struct Element {
     lifting: f64,
 }
 
+/// Numbers of azimuths to try for the mean of a rotor.
+const AZIMUTHS: [usize; 7] = [8, 12, 16, 24, 32, 48, 64];
+/// Azimuths whose mean counts as exact.
+const MOST_AZIMUTHS: usize = 192;
+/// Error of a mean, of forces and of moments over the radius, relative to the
+/// thrust.
+const AVERAGING_TOLERANCE: f64 = 1e-5;
 /// Elements that are taken side by side.
 const LANES: usize = 4;
 
@@ -100,17 +108,35 @@ pub struct Rotor {
     pub blades: usize,
     /// Azimuth of blade 1 at reference azimuth zero, rad.
     pub azimuth_offset: f64,
-    /// Governor time constant, s; none holds the speed.
+    /// Time constant of a governor or a motor, s; none holds the speed.
     pub governor_time_constant: Option<f64>,
+    /// Whether the sticks command the speed.
+    pub commanded: bool,
+    /// Thrust and torque by coefficients in place of blades.
+    pub coefficients: Option<RotorCoefficients>,
     /// Teetering, or rigid.
     pub teetering: bool,
+    /// Azimuths, evenly over the turn, whose mean stands for the blades of a
+    /// rotor that is averaged; as many as blades where it is resolved.
+    evaluated: usize,
+    averaged: bool,
     teeter_torque_tilt: bool,
     teeter_equation: TeeterEquation,
     undersling: f64,
     spring: f64,
     tan_delta_3: f64,
     precone: f64,
+    /// Sine and cosine of the precone.
+    precone_turn: [f64; 2],
     swashplate_phase: f64,
+    /// Sine and cosine of the swashplate phase.
+    phase_turn: [f64; 2],
+    /// Distance from the shaft to the point from which radii of elements count,
+    /// m: the flap hinge where there is one.
+    offset: f64,
+    /// Its blades one by one, where these flap each for themselves, on a gimbal,
+    /// or averaged over the azimuth; else they are one rigid body.
+    pub(crate) set: Option<BladeSet>,
     /// Mass of all blades, kg.
     pub blade_mass_total: f64,
     /// First moment of all blades about the hinge along k_T, kg m.
@@ -186,6 +212,60 @@ pub struct RotorInput<S> {
     pub pitch: [S; 3],
 }
 
+/// Hinge and mass of one blade of a problem's rotor.
+fn blade_body(rotor: &problem::Rotor) -> BladeBody {
+    let (m, first, second) =
+        (rotor.blade_mass, rotor.blade_first_moment, rotor.blade_second_moment);
+    let (sp, cp) = rotor.precone.sin_cos();
+    let count = rotor.blades as f64;
+    // A spring about a gimbal, as one about the flap hinge of each blade.
+    let shares = if rotor.blades == 2 { count } else { 0.5 * count };
+    let (under, spring, damping) = match rotor.hub_kind {
+        HubKind::Teetering { undersling, spring, .. } => (undersling, spring / count, 0.0),
+        HubKind::Gimballed { undersling, spring, damping, .. } => {
+            (undersling, spring / shares, damping / shares)
+        }
+        HubKind::Articulated { spring, damping, .. } => (0.0, spring, damping),
+        HubKind::Hingeless { damping, .. } => (0.0, rotor.flap_spring(), damping),
+        HubKind::Rigid => (0.0, 0.0, 0.0),
+    };
+    BladeBody {
+        offset: rotor.hub_kind.hinge_offset(),
+        spring,
+        damping,
+        mass: m,
+        first: [first * cp, m * under - first * sp],
+        second: [
+            second * cp * cp,
+            m * under * under - 2.0 * under * first * sp + second * sp * sp,
+            (under * first - second * sp) * cp,
+        ],
+    }
+}
+
+/// What the blades of a rotor meet at the hub, in its own hub frame.
+pub(crate) struct HubFlow<S> {
+    /// Velocity of the hub through the air, m/s.
+    pub velocity: [S; 3],
+    /// Rates p, q against the air, and that of the shaft, r − Ω, rad/s.
+    pub slip: [S; 3],
+    /// λ_0, λ_1c, λ_1s.
+    pub inflow: [S; 3],
+    /// θ_0, θ_1c, θ_1s, rad.
+    pub pitch: [S; 3],
+}
+
+/// Flap of a blade, precone left out.
+pub(crate) struct BladeFlap<S> {
+    /// Sine and cosine of its angle.
+    pub sin: S,
+    pub cos: S,
+    /// Angle, rad.
+    pub angle: S,
+    /// Rate, rad/s.
+    pub rate: S,
+}
+
 /// Power that the air takes from the blades.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BladePower {
@@ -223,6 +303,7 @@ impl Rotor {
         center_of_gravity: &problem::Station,
         air: &Air,
     ) -> Result<Self, VehicleError> {
+        let offset = rotor.hub_kind.hinge_offset();
         let section = Section::new(&rotor.airfoil)
             .map_err(|source| VehicleError::Airfoil { of: rotor.name.clone(), source })?;
         let count = rotor.elements;
@@ -232,7 +313,7 @@ impl Rotor {
                 let inner = rotor.root_cutout + k as f64 * width;
                 let station = inner + 0.5 * width;
                 Element {
-                    radius: station * rotor.radius,
+                    radius: station * rotor.radius - offset,
                     half_density_area: 0.5
                         * air.density
                         * rotor.chord.at(station)
@@ -246,6 +327,10 @@ impl Rotor {
         let (teetering, undersling, spring, delta_3) = match rotor.hub_kind {
             HubKind::Teetering { undersling, spring, delta_3 } => {
                 (true, undersling, spring, delta_3)
+            }
+            HubKind::Gimballed { undersling, delta_3, .. } => (false, undersling, 0.0, delta_3),
+            HubKind::Articulated { delta_3, .. } | HubKind::Hingeless { delta_3, .. } => {
+                (false, 0.0, 0.0, delta_3)
             }
             HubKind::Rigid => (false, 0.0, 0.0, 0.0),
         };
@@ -263,7 +348,7 @@ impl Rotor {
             if rotor.blades == 2 { (in_plane, 0.0) } else { (0.5 * in_plane, 0.5 * in_plane) };
         let zz =
             n * (m * undersling * undersling - 2.0 * undersling * first * sp + second * sp * sp);
-        Ok(Self {
+        let built = Self {
             name: rotor.name.clone(),
             position_body: position_body(&rotor.hub, center_of_gravity),
             frame: HubFrame::new(rotor.cant, rotor.tilt, rotor.direction),
@@ -271,15 +356,26 @@ impl Rotor {
             speed: rotor.speed,
             blades: rotor.blades,
             azimuth_offset: rotor.azimuth_offset,
-            governor_time_constant: rotor.governor.map(|g| g.time_constant),
+            governor_time_constant: rotor
+                .governor
+                .map(|governor| governor.time_constant)
+                .or(rotor.motor.map(|motor| motor.time_constant)),
+            commanded: rotor.motor.is_some(),
+            coefficients: rotor.coefficients,
             teetering,
+            evaluated: rotor.blades,
+            averaged: false,
             teeter_torque_tilt: formulation.teeter_torque_tilt,
             teeter_equation: formulation.teeter_equation,
             undersling,
             spring,
             tan_delta_3: delta_3.tan(),
             precone: rotor.precone,
+            precone_turn: rotor.precone.sin_cos().into(),
             swashplate_phase: rotor.swashplate_phase,
+            phase_turn: rotor.swashplate_phase.sin_cos().into(),
+            offset,
+            set: None,
             blade_mass_total: n * m,
             first_moment: n * (m * undersling - first * sp),
             inertia: [yy + zz, xx + zz, xx + yy],
@@ -296,7 +392,135 @@ impl Rotor {
             },
             sound_speed: air.sound_speed,
             density: air.density,
-        })
+        };
+        if let Some(RotorCoefficients { inertia, .. }) = rotor.coefficients {
+            return Ok(Self {
+                inertia: [0.5 * inertia, 0.5 * inertia, inertia],
+                evaluated: 0,
+                averaged: true,
+                azimuth_offset: 0.0,
+                ..built
+            });
+        }
+        let one_body = matches!(rotor.hub_kind, HubKind::Teetering { .. } | HubKind::Rigid);
+        Ok(if one_body { built } else { built.one_by_one(rotor, rotor.blades) })
+    }
+
+    /// The rotor blade by blade: as many blades evenly around, which share what
+    /// the real ones have.
+    fn one_by_one(mut self, rotor: &problem::Rotor, evaluated: usize) -> Self {
+        let resolved = evaluated == self.blades && !self.averaged;
+        let cyclic = (1..=(self.blades - 1) / 2).map(Mode::Cyclic);
+        let modes: Vec<Mode> = match rotor.hub_kind {
+            HubKind::Rigid => Vec::new(),
+            HubKind::Teetering { .. } => vec![Mode::Teeter],
+            HubKind::Gimballed { .. } if self.blades == 2 => vec![Mode::Teeter],
+            HubKind::Gimballed { .. } => vec![Mode::Cyclic(1)],
+            _ if !resolved => vec![Mode::Coning, Mode::Cyclic(1)],
+            _ if self.blades == 2 => vec![Mode::Coning, Mode::Teeter],
+            _ => {
+                let alternate = (self.blades % 2 == 0).then_some(Mode::Reactionless);
+                std::iter::once(Mode::Coning).chain(cyclic).chain(alternate).collect()
+            }
+        };
+        let body = blade_body(rotor);
+        let share = self.blades as f64 / evaluated as f64;
+        for element in &mut self.elements {
+            element.half_density_area *= share;
+        }
+        let about_shaft = body.second[0]
+            + 2.0 * body.offset * body.first[0]
+            + body.mass * body.offset * body.offset;
+        self.inertia[2] = self.blades as f64 * about_shaft;
+        self.evaluated = evaluated;
+        self.teetering = false;
+        self.set = Some(BladeSet::new(modes, evaluated, share, body));
+        self
+    }
+
+    /// The rotor of a problem, averaged over its azimuth: its loads are those of
+    /// a rotor of so many blades, evenly around, that more would make no
+    /// difference, with as much blade area and inertia in all.
+    ///
+    /// # Errors
+    /// As [`Rotor::new`], or a mean that does not converge with the number of
+    /// azimuths.
+    pub fn averaged(
+        rotor: &problem::Rotor,
+        formulation: &Formulation,
+        center_of_gravity: &problem::Station,
+        air: &Air,
+    ) -> Result<Self, VehicleError> {
+        let plain = Self::new(rotor, formulation, center_of_gravity, air)?;
+        if plain.coefficients.is_some() {
+            return Ok(plain);
+        }
+        let exact = plain.spread_evenly(MOST_AZIMUTHS).sample_loads();
+        let scale = exact[2].abs();
+        let near = |count: &usize| {
+            let loads = plain.spread_evenly(*count).sample_loads();
+            loads.iter().zip(exact).all(|(a, b)| (a - b).abs() < AVERAGING_TOLERANCE * scale)
+        };
+        let enough = AZIMUTHS.into_iter().find(near).ok_or_else(|| VehicleError::Averaging {
+            rotor: rotor.name.clone(),
+            azimuths: AZIMUTHS[AZIMUTHS.len() - 1],
+        })?;
+        if rotor.hub_kind == HubKind::Rigid {
+            return Ok(plain.spread_evenly(enough));
+        }
+        let mut averaged = Self { averaged: true, azimuth_offset: 0.0, ..plain };
+        averaged.set = None;
+        // Blades that were shared out one by one already share with one each.
+        Ok(averaged.one_by_one(rotor, enough))
+    }
+
+    /// The same blade area and inertia over as many azimuths, held rigidly.
+    fn spread_evenly(&self, azimuths: usize) -> Self {
+        let mut rotor = self.clone();
+        let share = self.blades as f64 / azimuths as f64;
+        for element in &mut rotor.elements {
+            element.half_density_area *= share;
+        }
+        let [jx, jy, _] = self.inertia;
+        let even = 0.5 * (jx + jy);
+        rotor.inertia = [even, even, self.inertia[2]];
+        rotor.azimuth_offset = 0.0;
+        rotor.evaluated = azimuths;
+        rotor.averaged = true;
+        rotor.teetering = false;
+        rotor.set = None;
+        rotor
+    }
+
+    /// Force and moment over the radius in fast edgewise flight with all
+    /// controls on, N, where means need most azimuths.
+    fn sample_loads(&self) -> [f64; 6] {
+        let tip_speed = self.tip_speed();
+        let input = RotorInput {
+            velocity_hub: Vec3([0.3 * tip_speed, 0.05 * tip_speed, 0.01 * tip_speed]),
+            rate_hub: Vec3([0.0; 3]),
+            air_rate_hub: [0.0; 3],
+            flapping: [0.0; 2],
+            inflow: [0.02, 0.005, 0.002],
+            pitch: [0.15 - self.twist_at(0.75), 0.02, -0.05],
+        };
+        let shaft = Shaft { speed: self.speed, acceleration: 0.0, sine: 0.0, cosine: 1.0 };
+        let loads = self.loads(&input, &shaft);
+        let ([fx, fy, fz], [mx, my, mz]) = (loads.force_hub.0, loads.moment_hub.0);
+        [fx, fy, fz, mx / self.radius, my / self.radius, mz / self.radius]
+    }
+
+    /// Whether the rotor acts with its mean over all azimuths.
+    #[must_use]
+    pub fn is_averaged(&self) -> bool {
+        self.averaged
+    }
+
+    /// Azimuths at which an averaged rotor is evaluated; none where it is
+    /// resolved.
+    #[must_use]
+    pub fn averaging_azimuths(&self) -> Option<usize> {
+        self.averaged.then_some(self.evaluated)
     }
 
     /// Force scale ρπR²(ΩR)², N.
@@ -308,13 +532,15 @@ impl Rotor {
     /// Area of one blade ∫c dr, m².
     #[must_use]
     pub fn blade_area(&self) -> f64 {
-        self.elements.iter().map(|e| e.half_density_area).sum::<f64>() / (0.5 * self.density)
+        let share = self.evaluated as f64 / self.blades as f64;
+        share * self.elements.iter().map(|e| e.half_density_area).sum::<f64>()
+            / (0.5 * self.density)
     }
 
     /// Built-in twist of the element nearest to a station r/R, rad.
     #[must_use]
     pub fn twist_at(&self, station: f64) -> f64 {
-        let off = |e: &Element| (e.radius / self.radius - station).abs();
+        let off = |e: &Element| ((e.radius + self.offset) / self.radius - station).abs();
         self.elements.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map_or(0.0, |e| e.twist)
     }
 
@@ -377,21 +603,23 @@ impl Rotor {
         let omega = shaft.speed;
         let [beta_t1, beta_rate1] = self.teeter(&input.flapping, shaft);
         let (sin_t1, cos_t1) = beta_t1.sin_cos();
-        let (sin_precone, cos_precone) = self.precone.sin_cos();
-        let (sin_phase, cos_phase) = self.swashplate_phase.sin_cos();
         let slip_z = slip_r - omega;
-        // Inflow is scaled by the nominal tip speed, whatever the governor does.
-        let tip_speed = self.tip_speed();
+        let flow = HubFlow {
+            velocity: [vx, vy, vz],
+            slip: [slip_p, slip_q, slip_z],
+            inflow: [l0, l1c, l1s],
+            pitch: input.pitch,
+        };
         let mut force = Vec3::<S>::default();
         let mut moment = Vec3::<S>::default();
 
-        for blade in 0..self.blades {
+        for blade in 0..self.evaluated {
             let (s, c) = if blade == 0 {
                 (shaft.sine, shaft.cosine)
-            } else if self.blades == 2 {
+            } else if self.evaluated == 2 {
                 (-shaft.sine, -shaft.cosine)
             } else {
-                let (sk, ck) = (blade as f64 * TAU / self.blades as f64).sin_cos();
+                let (sk, ck) = (blade as f64 * TAU / self.evaluated as f64).sin_cos();
                 (shaft.sine * ck + shaft.cosine * sk, shaft.cosine * ck - shaft.sine * sk)
             };
             let sign = if blade == 0 { 1.0 } else { -1.0 };
@@ -401,42 +629,17 @@ impl Rotor {
                 (S::default(), S::default(), S::default())
             };
             let cos_t = if self.teetering { cos_t1 } else { S::constant(1.0) };
-            let sin_b = sin_t * cos_precone + cos_t * sin_precone;
-            let cos_b = cos_t * cos_precone - sin_t * sin_precone;
-
-            let u_f = vy * s - vx * c;
-            let v_f = -(vx * s + vy * c);
-            // Rates of F against the air.
-            let omega_x = slip_q * s - slip_p * c;
-            let omega_y = -(slip_p * s + slip_q * c);
-            let flap = beta_rate + omega_y;
-            let inflow_slope = (l1c * c + l1s * s) * self.speed;
-            let inflow_root = l0 * tip_speed;
-            let e = self.undersling;
-            let pitch = input.pitch[0]
-                + input.pitch[1] * (c * cos_phase + s * sin_phase)
-                + input.pitch[2] * (s * cos_phase - c * sin_phase)
-                + beta_t * self.tan_delta_3;
-            let flow = [
-                (omega_x * cos_t - slip_z * sin_t) * e - v_f,
-                -(omega_x * sin_b + slip_z * cos_b),
-                u_f * sin_b + vz * cos_b + flap * (e * sin_precone) - inflow_root * cos_b,
-                -flap - inflow_slope * cos_b,
-                u_f * cos_b - vz * sin_b + flap * (e * cos_precone) + inflow_root * sin_b,
-                inflow_slope * sin_b,
-                pitch,
-            ];
-            let [f_t, f_p, r_f_t, r_f_p] = self.blade(&flow);
-
-            // Blade frame to F: force (0, −F_T, F_P), moment about the
-            // attachment (0, −∫r f_P, −∫r f_T), attachment at e k_T.
-            let (fx, fy, fz) = (sin_b * f_p, -f_t, cos_b * f_p);
-            let (px, pz) = (sin_t * e, cos_t * e);
-            let mx = -(sin_b * r_f_t) - pz * fy;
-            let my = pz * fx - px * fz - r_f_p;
-            let mz = px * fy - cos_b * r_f_t;
+            let flap = BladeFlap { sin: sin_t, cos: cos_t, angle: beta_t, rate: beta_rate };
+            let ([fx, fy, fz], [mx, my, mz]) = self.blade_forces(&flow, &flap, s, c);
             force += Vec3([-(c * fx + s * fy), s * fx - c * fy, fz]);
             moment += Vec3([-(c * mx + s * my), s * mx - c * my, mz]);
+        }
+
+        if let Some(rotor) = &self.coefficients {
+            let thrust = omega * omega * rotor.thrust;
+            let drag = omega * -rotor.drag;
+            force += Vec3([vx * drag, vy * drag, -thrust]);
+            moment += Vec3([S::default(), S::default(), thrust * rotor.torque]);
         }
 
         // The blades as one rigid body in the T frame of blade 1.
@@ -535,6 +738,63 @@ impl Rotor {
             roll_coefficient,
             pitch_coefficient,
         }
+    }
+
+    /// Force of the air on a blade, and its moment about the flap hinge, in F,
+    /// from the sine and cosine of its azimuth.
+    #[inline(always)]
+    pub(crate) fn blade_forces<S: Scalar>(
+        &self,
+        hub: &HubFlow<S>,
+        flap: &BladeFlap<S>,
+        s: S,
+        c: S,
+    ) -> ([S; 3], [S; 3]) {
+        let ([sin_precone, cos_precone], [sin_phase, cos_phase]) =
+            (self.precone_turn, self.phase_turn);
+        let ([vx, vy, vz], [slip_p, slip_q, slip_z]) = (hub.velocity, hub.slip);
+        let [l0, l1c, l1s] = hub.inflow;
+        let BladeFlap { sin: sin_t, cos: cos_t, angle: beta_t, rate: beta_rate } = *flap;
+        let sin_b = sin_t * cos_precone + cos_t * sin_precone;
+        let cos_b = cos_t * cos_precone - sin_t * sin_precone;
+        let u_f = vy * s - vx * c;
+        let mut v_f = -(vx * s + vy * c);
+        let mut w_f = vz;
+        // Rates of F against the air.
+        let omega_x = slip_q * s - slip_p * c;
+        let omega_y = -(slip_p * s + slip_q * c);
+        let flapping = beta_rate + omega_y;
+        // Inflow is scaled by the nominal tip speed, whatever the governor does.
+        let inflow_slope = (l1c * c + l1s * s) * self.speed;
+        let mut inflow_root = l0 * self.tip_speed();
+        if self.offset != 0.0 {
+            v_f += slip_z * self.offset;
+            w_f = w_f - omega_y * self.offset;
+            inflow_root += inflow_slope * self.offset;
+        }
+        let e = self.undersling;
+        let pitch = hub.pitch[0]
+            + hub.pitch[1] * (c * cos_phase + s * sin_phase)
+            + hub.pitch[2] * (s * cos_phase - c * sin_phase)
+            + beta_t * self.tan_delta_3;
+        let flow = [
+            (omega_x * cos_t - slip_z * sin_t) * e - v_f,
+            -(omega_x * sin_b + slip_z * cos_b),
+            u_f * sin_b + w_f * cos_b + flapping * (e * sin_precone) - inflow_root * cos_b,
+            -flapping - inflow_slope * cos_b,
+            u_f * cos_b - w_f * sin_b + flapping * (e * cos_precone) + inflow_root * sin_b,
+            inflow_slope * sin_b,
+            pitch,
+        ];
+        let [f_t, f_p, r_f_t, r_f_p] = self.blade(&flow);
+        // Blade frame to F: force (0, −F_T, F_P), moment about the
+        // attachment (0, −∫r f_P, −∫r f_T), attachment at e k_T.
+        let (fx, fy, fz) = (sin_b * f_p, -f_t, cos_b * f_p);
+        let (px, pz) = (sin_t * e, cos_t * e);
+        let mx = -(sin_b * r_f_t) - pz * fy;
+        let my = pz * fx - px * fz - r_f_p;
+        let mz = px * fy - cos_b * r_f_t;
+        ([fx, fy, fz], [mx, my, mz])
     }
 
     /// Rows of the rotation from the rotor's hub frame to the frame in which
@@ -809,8 +1069,28 @@ impl Rotor {
     /// Power that the air takes from all blades, section by section.
     #[must_use]
     pub fn blade_power(&self, input: &RotorInput<f64>, shaft: &Shaft<f64>) -> BladePower {
+        let [angle, rate] = self.teeter(&input.flapping, shaft);
+        let flap = |blade: usize| {
+            if !self.teetering {
+                [0.0; 2]
+            } else if blade == 0 {
+                [angle, rate]
+            } else {
+                [-angle, -rate]
+            }
+        };
+        self.power_of(input, shaft, flap)
+    }
+
+    /// The same for blades with these flap angles and rates.
+    pub(crate) fn power_of(
+        &self,
+        input: &RotorInput<f64>,
+        shaft: &Shaft<f64>,
+        flap: impl Fn(usize) -> [f64; 2],
+    ) -> BladePower {
         let mut probe = PowerProbe { rotor: self, power: BladePower::default() };
-        probe.run(input, shaft);
+        probe.run(input, shaft, flap);
         probe.power
     }
 
@@ -869,26 +1149,26 @@ struct PowerProbe<'a> {
 }
 
 impl PowerProbe<'_> {
-    fn run(&mut self, input: &RotorInput<f64>, shaft: &Shaft<f64>) {
+    fn run(
+        &mut self,
+        input: &RotorInput<f64>,
+        shaft: &Shaft<f64>,
+        flap: impl Fn(usize) -> [f64; 2],
+    ) {
         let rotor = self.rotor;
         let [vx, vy, vz] = input.velocity_hub.0;
         let [p, q, r] = [0, 1, 2].map(|k| input.rate_hub.0[k] - input.air_rate_hub[k]);
-        let [beta_1, rate_1] = rotor.teeter(&input.flapping, shaft);
-        for blade in 0..rotor.blades {
-            let azimuth = shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.blades as f64;
+        for blade in 0..rotor.evaluated {
+            let azimuth =
+                shaft.sine.atan2(shaft.cosine) + blade as f64 * TAU / rotor.evaluated as f64;
             let (s, c) = azimuth.sin_cos();
-            let sign = if !rotor.teetering {
-                0.0
-            } else if blade == 0 {
-                1.0
-            } else {
-                -1.0
-            };
-            let (beta_t, beta_rate) = (sign * beta_1, sign * rate_1);
+            let [beta_t, beta_rate] = flap(blade);
             let beta = beta_t + rotor.precone;
             // Velocities by the cross product, not by the expanded forms.
             let velocity_f = Vec3([vy * s - vx * c, -vx * s - vy * c, vz]);
-            let rate_f = Vec3([q * s - p * c, -p * s - q * c + beta_rate, r - shaft.speed]);
+            let rate_f = Vec3([q * s - p * c, -p * s - q * c, r - shaft.speed]);
+            let flap_f = Vec3([0.0, beta_rate, 0.0]);
+            let hinge = Vec3([rotor.offset, 0.0, 0.0]);
             let pitch = input.pitch[0]
                 + input.pitch[1] * (azimuth - rotor.swashplate_phase).cos()
                 + input.pitch[2] * (azimuth - rotor.swashplate_phase).sin()
@@ -902,8 +1182,9 @@ impl PowerProbe<'_> {
                 let place = Vec3([e * sin_t + x * cos_b, 0.0, e * cos_t - x * sin_b]);
                 let inflow = rotor.speed
                     * (rotor.radius * input.inflow[0]
-                        + x * (input.inflow[1] * c + input.inflow[2] * s));
-                let air_f = velocity_f + rate_f.cross(place) - Vec3([0.0, 0.0, inflow]);
+                        + (rotor.offset + x) * (input.inflow[1] * c + input.inflow[2] * s));
+                let air_f = velocity_f + rate_f.cross(place + hinge) + flap_f.cross(place)
+                    - Vec3([0.0, 0.0, inflow]);
                 let (ut, up, ur) = (-air_f.0[1], air_f.dot(blade_k), air_f.dot(blade_i));
                 if let Some(section) = rotor.small_angles {
                     // Lift does no work here; drag works along u_T.
@@ -966,7 +1247,7 @@ impl Local<18, 10> for LoadsGoverned<'_> {
 }
 
 #[inline(always)]
-fn unpack<T: Scalar>(x: &[T], air_rate_hub: [f64; 3]) -> RotorInput<T> {
+pub(super) fn unpack<T: Scalar>(x: &[T], air_rate_hub: [f64; 3]) -> RotorInput<T> {
     RotorInput {
         velocity_hub: Vec3([x[0], x[1], x[2]]),
         rate_hub: Vec3([x[3], x[4], x[5]]),

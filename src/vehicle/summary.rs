@@ -46,7 +46,7 @@ pub struct RotorSummary {
     /// Lock number ρ a c R⁴/I_β, with a and c at 0.75 R.
     pub lock_number: f64,
     /// Teeter frequency in vacuo, without undersling, per revolution:
-    /// sqrt(1 + k/(2 I_β Ω²)). None for a rigid hub.
+    /// sqrt(1 + k/(2 I_β Ω²)). None for other hubs.
     pub teeter_frequency: Option<f64>,
     /// Centre of mass of a blade, M_β/m_b, fraction of R.
     pub blade_mass_center: f64,
@@ -103,7 +103,7 @@ pub fn rotor(problem: &Problem, rotor: &Rotor) -> RotorSummary {
             HubKind::Teetering { spring, .. } => {
                 Some((1.0 + spring / (2.0 * inertia * rotor.speed.powi(2))).sqrt())
             }
-            HubKind::Rigid => None,
+            _ => None,
         },
         blade_mass_center: rotor.blade_first_moment / (rotor.blade_mass * radius),
     }

@@ -7,6 +7,7 @@
 //! plane of each section; the spanwise component of the flow does nothing
 //! (simple sweep theory).
 
+use crate::numerics::interpolation::{CubicHermite, Ends};
 use crate::numerics::quadrature::gauss_legendre;
 use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
 use crate::problem::{self, Wash, WingModel};
@@ -42,6 +43,8 @@ pub struct Wing {
     pub name: String,
     /// Rotor wash on it.
     pub wash: Wash,
+    /// Incidence over airspeed, beside the fixed one.
+    schedule: Option<CubicHermite>,
     strips: Vec<Strip>,
     lift: Lift,
     sound_speed: f64,
@@ -132,9 +135,17 @@ impl Wing {
                 stall_angle: *stall_angle,
             },
         };
+        let schedule = match &wing.incidence_schedule {
+            Some(curve) => Some(
+                CubicHermite::new(&curve.airspeed, &curve.incidence, Ends::Flat)
+                    .map_err(|source| VehicleError::Airfoil { of: wing.name.clone(), source })?,
+            ),
+            None => None,
+        };
         Ok(Self {
             name: wing.name.clone(),
             wash: wing.wash,
+            schedule,
             strips,
             lift,
             sound_speed: air.sound_speed,
@@ -160,28 +171,50 @@ impl Wing {
     ) -> (Vec3<S>, Vec3<S>) {
         let mut force = Vec3::<S>::default();
         let mut moment = Vec3::<S>::default();
+        let turn = self.scheduled_turn(velocity_body);
         for (index, strip) in self.strips.iter().enumerate() {
             let free = velocity_body + rate_body.cross_constant(strip.position_body);
             let local = match wash(index) {
                 Some(air) => washed(free, air, self.wash),
                 None => free,
             };
-            let [x, _, z] = local.rotated(&strip.rotation).0;
+            let [mut x, _, mut z] = local.rotated(&strip.rotation).0;
+            if let Some([s, c]) = turn {
+                (x, z) = (x * c - z * s, z * c + x * s);
+            }
             let (value, partial) = if S::TANGENTS == 0 {
                 self.section_force::<false>(strip, x.value(), z.value())
             } else {
                 self.section_force::<true>(strip, x.value(), z.value())
             };
-            let section = Vec3([
-                S::chain(value[0], &partial[0], &[x, z]),
-                S::default(),
-                S::chain(value[1], &partial[1], &[x, z]),
-            ]);
+            let mut along = S::chain(value[0], &partial[0], &[x, z]);
+            let mut down = S::chain(value[1], &partial[1], &[x, z]);
+            if let Some([s, c]) = turn {
+                (along, down) = (along * c + down * s, down * c - along * s);
+            }
+            let section = Vec3([along, S::default(), down]);
             let strip_force = section.rotated_back(&strip.rotation);
             force += strip_force;
             moment += -strip_force.cross_constant(strip.position_body);
         }
         (force, moment)
+    }
+
+    /// Sine and cosine of the incidence that the schedule adds.
+    #[inline(always)]
+    fn scheduled_turn<S: Scalar>(&self, velocity_body: Vec3<S>) -> Option<[S; 2]> {
+        let schedule = self.schedule.as_ref()?;
+        // The small term keeps the slope of the airspeed at rest finite.
+        let airspeed = (velocity_body.dot(velocity_body) + 1e-12).sqrt();
+        let (value, slope) = schedule.evaluate(airspeed.value());
+        let (s, c) = S::chain(value, &[slope], &[airspeed]).sin_cos();
+        Some([s, c])
+    }
+
+    /// Incidence that the schedule adds at an airspeed, rad.
+    #[must_use]
+    pub fn scheduled_incidence(&self, airspeed: f64) -> f64 {
+        self.schedule.as_ref().map_or(0.0, |schedule| schedule.evaluate(airspeed).0)
     }
 
     /// Force along section x and z from the section's velocity through the

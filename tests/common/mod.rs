@@ -69,18 +69,28 @@ pub fn lively(vehicle: &Vehicle) -> (Vec<f64>, Vec<f64>) {
         if let Some(start) = places.flapping {
             put(start, &[0.021, -0.013]);
         }
-        put(places.self_inflow, &[0.023, 0.007, -0.004]);
+        let [start, angles, rates] = places.flap;
+        if rates > 0 {
+            put(start, &[0.03, 0.021, -0.013, 0.008, -0.005][..angles.min(5)]);
+            put(start + angles, &[0.2, -0.3, 0.4, 0.1, -0.2][..rates.min(5)]);
+        }
+        if let Some(start) = places.self_inflow {
+            put(start, &[0.023, 0.007, -0.004]);
+        }
         if let Some(start) = places.total_inflow {
             put(start, &[0.037, 0.009, -0.003]);
         }
         if let Some(start) = places.speed {
             state[start] = rotor.speed + 0.7 * vary;
-            state[start + 1] = 0.17 * vary;
         }
-        let at = places.effectors;
-        effectors[at..at + 3].copy_from_slice(&[0.16 * vary, 0.011 * vary, -0.019 * vary]);
-        if rotor.governor_time_constant.is_some() {
-            effectors[at + 3] = rotor.speed + 1.3;
+        if let Some(place) = places.azimuth {
+            state[place] = 0.17 * vary;
+        }
+        if let Some(at) = places.pitch {
+            effectors[at..at + 3].copy_from_slice(&[0.16 * vary, 0.011 * vary, -0.019 * vary]);
+        }
+        if let Some(place) = places.command {
+            effectors[place] = rotor.speed + 1.3;
         }
     }
     (state, effectors)
@@ -127,6 +137,33 @@ pub fn analytic(lift_slope: f64, drag: f64) -> Airfoil {
 /// Linear lift and constant drag by Eqs. 35.
 pub fn small_angles(lift_slope: f64, drag: f64) -> Airfoil {
     Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: true }
+}
+
+/// The problem's rotors with blades that flap each about a hinge of its own.
+pub fn articulated(mut problem: Problem, blades: usize) -> Problem {
+    for rotor in &mut problem.rotors {
+        rotor.hub_kind = HubKind::Articulated {
+            hinge_offset: 0.15,
+            spring: 400.0,
+            damping: 30.0,
+            delta_3: -0.2,
+        };
+        rotor.blades = blades;
+        rotor.blade_mass *= 2.0 / blades as f64;
+        rotor.root_cutout = 0.12;
+    }
+    problem
+}
+
+/// The problem's rotors on gimbals.
+pub fn gimballed(mut problem: Problem, blades: usize) -> Problem {
+    for rotor in &mut problem.rotors {
+        rotor.hub_kind =
+            HubKind::Gimballed { undersling: 0.06, spring: 800.0, damping: 25.0, delta_3: 0.2 };
+        rotor.blades = blades;
+        rotor.root_cutout = 0.12;
+    }
+    problem
 }
 
 /// Blades that sweep through the problem's rotors with three blades, held

@@ -6,7 +6,8 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::super::trim::{parse_speeds, trim_all};
-use super::super::tune::{plants, usage};
+use super::super::tune::usage;
+use super::super::watch::Watch;
 use super::Inputs;
 use crate::cli::CliError;
 use coaxdesign::control::explain::Explanation;
@@ -16,6 +17,7 @@ use coaxdesign::control::verify::{Authority, Verification};
 use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
 use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
 use coaxdesign::linear::{LinearError, StateSpace};
+use coaxdesign::pipeline::plants;
 use coaxdesign::schedule::Schedule;
 use coaxdesign::trim::shooting::Shooting;
 use coaxdesign::trim::{FlightCondition, TrimPoint};
@@ -160,10 +162,10 @@ impl Study {
         let mut chosen: Vec<&TrimPoint> = slow.into_iter().chain(cruise).collect();
         chosen.dedup_by(|a, b| a.condition == b.condition);
         let revolutions = chosen.into_iter().map(|point| revolution(&base, point)).collect();
-        let mut nominal = inputs.spec.0.clone();
+        let mut nominal = inputs.requirements.specification.clone();
         nominal.models.truncate(1);
         let breakpoints: Vec<f64> = inputs.schedule.points.iter().map(|p| p.speed).collect();
-        let nodes = plants(problem, &nominal, &breakpoints, quiet)?.set;
+        let nodes = plants(problem, &nominal, &breakpoints, &Watch::new(quiet))?.set;
         let rotors = problem.rotors.iter().map(|r| r.name.clone()).collect();
         Ok(Self { sweeps, own_sweep, rotors, hover, revolutions, nodes })
     }

@@ -11,8 +11,8 @@ use super::super::tune::{
     rows_table,
 };
 use super::super::version;
+use super::Inputs;
 use super::gather::{Checked, Linear, Revolution, Study};
-use super::{Inputs, problem_hash};
 use crate::cli::{CliError, output};
 use coaxdesign::control::axis::Channel;
 use coaxdesign::control::plant::ModelClass;
@@ -20,8 +20,8 @@ use coaxdesign::control::verify::{Row, Verdict};
 use coaxdesign::linear::frequency::{compare, log_grid};
 use coaxdesign::linear::model::{index_of, shown_per_si};
 use coaxdesign::linear::modes::{Mode, modes as modes_of};
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::linear::{LinearError, StateSpace};
+use coaxdesign::pipeline::problem_hash;
 use coaxdesign::problem::{FuselageAerodynamics, Problem, Reference, Station, Wing};
 use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, EigenvalueSet, FrequencyResponse, Marks, bode_figure,
@@ -35,6 +35,7 @@ use coaxdesign::report::three_view::{
     BodyView, Point, RotorView, SurfaceView, VehicleView, three_view_figure,
 };
 use coaxdesign::schedule::hash;
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::trim::TrimPoint;
 use coaxdesign::units::{Kind, STANDARD_GRAVITY, System};
 use coaxdesign::vehicle::frames::{about_x, about_y, body_to_hub, product};
@@ -102,11 +103,11 @@ fn stale(inputs: &Inputs) -> Vec<String> {
             inputs.problem_name
         ));
     }
-    if hash([inputs.spec.1.as_str()]) != provenance.specification_hash {
+    if inputs.requirements.hash() != provenance.specification_hash {
         said.push(format!(
             "The specification {} is not the one that the schedule was tuned for: limits drawn \
              here are of the file as it is now.",
-            inputs.spec_name
+            inputs.requirements.name
         ));
     }
     said
@@ -268,7 +269,7 @@ fn facts(inputs: &Inputs, study: &Study, system: System) -> Vec<(String, String)
             ),
         ));
     }
-    let models = inputs.spec.0.models.len();
+    let models = inputs.requirements.specification.models.len();
     facts.push(("models in the specification".into(), models.to_string()));
     facts
 }
@@ -798,7 +799,13 @@ fn margin_figures(
         stability: Vec::new(),
     };
     let verification = inputs.checked.as_ref().map_or(&empty, |c| &c.verification);
-    design_figures(&inputs.law()?, &study.nodes, &inputs.spec.0, verification, system)
+    design_figures(
+        &inputs.law()?,
+        &study.nodes,
+        &inputs.requirements.specification,
+        verification,
+        system,
+    )
 }
 
 /// Margins, sensitivities, Nyquist plots, authority; none without a verification.
@@ -887,9 +894,9 @@ pub(super) fn provenance(inputs: &Inputs) -> Section {
             Cell::empty(),
         ]);
     }
-    let spec = hash([inputs.spec.1.as_str()]);
+    let spec = inputs.requirements.hash();
     table.row([
-        Cell::from(format!("specification {}", inputs.spec_name)),
+        Cell::from(format!("specification {}", inputs.requirements.name)),
         spec.as_str().into(),
         same(&spec, &provenance.specification_hash),
     ]);

@@ -2,12 +2,12 @@
 
 use super::claim_table;
 use crate::cli::CliError;
-use crate::cli::tune::{tune, verify_error};
 use coaxdesign::control::law::LawTable;
 use coaxdesign::control::plant::ModelClass;
 use coaxdesign::control::spec::Specification;
-use coaxdesign::control::verify::{Row, Verdict, verify};
-use coaxdesign::problem::Problem;
+use coaxdesign::control::verify::{Row, Verdict};
+use coaxdesign::pipeline::{Requirements, Silent, TuneOptions, tune};
+use coaxdesign::problem::{Loaded, Problem};
 use coaxdesign::report::table::{Cell, Column, Digits, Table};
 use coaxdesign::simulate::flight::Autopilot;
 use coaxdesign::simulate::metrics::Meter;
@@ -37,11 +37,11 @@ over pitch there under the printed rigging, in the climb still sooner.
 ";
 
 /// A tuning with the built-in specification: ranges of the metrics by axis.
-pub(super) fn closed_loop(problem: &Problem, fly: bool) -> Result<String, CliError> {
-    let spec = coaxdesign::control::spec::builtin()?;
-    let tuned = tune(problem, &spec, &[], true)?;
-    let verification = verify(&tuned.design.table, &tuned.built.set, &spec.hardware, &spec)
-        .map_err(|error| verify_error(&error))?;
+pub(super) fn closed_loop(aircraft: &Loaded, fly: bool) -> Result<String, CliError> {
+    let requirements = Requirements::builtin()?;
+    let spec = &requirements.specification;
+    let tuned = tune(aircraft, &requirements, &TuneOptions::default(), &Silent)?;
+    let verification = &tuned.verified.verification;
     let column = |name: &str, unit: &str, digits| {
         [format!("{name} from"), "to".into()].map(|n| Column::number(&n, unit, digits))
     };
@@ -54,7 +54,7 @@ pub(super) fn closed_loop(problem: &Problem, fly: bool) -> Result<String, CliErr
     columns.extend(column("PM", "deg", one));
     columns.push(Column::number("least design margin", "%", Digits::Decimals(0)));
     let mut table = Table::new("", columns);
-    let nominal = &tuned.built.set.models[0].name;
+    let nominal = &tuned.nodes.models[0].name;
     for requirement in &spec.channels {
         let name = requirement.channel.name();
         let of_axis: Vec<&Row> = verification.rows.iter().filter(|r| r.axis == name).collect();
@@ -91,7 +91,8 @@ pub(super) fn closed_loop(problem: &Problem, fly: bool) -> Result<String, CliErr
         0 => String::new(),
         count => format!(" {count} more drift slowly until the outer loops hold them."),
     };
-    let flown = if fly { flight(problem, &tuned.design.table, &spec)? } else { String::new() };
+    let flown =
+        if fly { flight(&aircraft.problem, &tuned.design.table, spec)? } else { String::new() };
     Ok(format!(
         "{}\n{a} of {b} nominal and {c} of {d} off-nominal rows meet their targets; {} of {} closed loops are \
          shown stable.{drifts}\n\n{flown}",

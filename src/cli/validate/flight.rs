@@ -5,10 +5,10 @@ use crate::cli::CliError;
 use crate::cli::trim::trim_all;
 use coaxdesign::problem::Problem;
 use coaxdesign::report::table::{Cell, Column, Digits, Table};
-use coaxdesign::trim::reference::{HOVER_OFF, HOVER_ON};
+use coaxdesign::studies::coax2d::claims;
+use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
 use coaxdesign::trim::{FlightCondition, TrimPoint};
 use coaxdesign::units::{HORSEPOWER, KNOT, POUND_FORCE};
-use coaxdesign::validation::paper;
 
 /// Table 2 beside ours.
 pub(super) fn hover(problem: &Problem) -> Result<String, CliError> {
@@ -97,7 +97,7 @@ pub(super) fn trends(problem: &Problem) -> Result<String, CliError> {
             Cell::from(format!("{}, {}", on.status.word(), off.status.word())),
         ]);
     }
-    let claims = paper::trim_claims(&sweeps[0], &sweeps[1]);
+    let claims = claims::trim_claims(&sweeps[0], &sweeps[1]);
     Ok(format!(
         "### Trim over speed\n\n{}\nWhat the paper says of it in words:\n\n{}\n",
         table.to_markdown(),

@@ -7,14 +7,15 @@ use super::{claim_table, fault, verdict};
 use crate::cli::CliError;
 use coaxdesign::linear::StateSpace;
 use coaxdesign::linear::modes::{ModeName, modes};
-use coaxdesign::linear::reference::{Condition, appendix};
 use coaxdesign::problem::Problem;
 use coaxdesign::report::table::{Cell, Column, Digits, Table};
-use coaxdesign::validation::eigenvalues::pair_eigenvalues;
-use coaxdesign::validation::entries::{
+use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
+use coaxdesign::studies::coax2d::claims;
+use coaxdesign::studies::coax2d::eigenvalues::pair_eigenvalues;
+use coaxdesign::studies::coax2d::entries::{
     SMALL_DIFFERENCE, SMALLEST, agrees, is_near, judged_entries,
 };
-use coaxdesign::validation::{LevelFlight, paper};
+use coaxdesign::validation::LevelFlight;
 
 /// Everything of a problem's linear models.
 pub(super) fn linear_models(problem: &Problem) -> Result<String, CliError> {
@@ -187,7 +188,7 @@ fn eigenvalues(
         ]);
     }
     let words = if condition == Condition::Hover {
-        let claims = paper::eigenvalue_claims(on, off).map_err(fault)?;
+        let claims = claims::eigenvalue_claims(on, off).map_err(fault)?;
         format!("\nWhat the paper says of them in words:\n\n{}", claim_table(&claims))
     } else {
         String::new()
@@ -204,7 +205,7 @@ fn eigenvalues(
 }
 
 fn responses(on: &StateSpace, off: &StateSpace) -> Result<String, CliError> {
-    let changes = paper::response_changes(on, off).map_err(fault)?;
+    let changes = claims::response_changes(on, off).map_err(fault)?;
     let one = Digits::Decimals(1);
     let mut table = Table::new(
         "",
@@ -233,6 +234,6 @@ fn responses(on: &StateSpace, off: &StateSpace) -> Result<String, CliError> {
          order, means over log frequency.\n\n{}\nWhat the paper says of Fig. 16 in \
          words:\n\n{}\n",
         table.to_markdown(),
-        claim_table(&paper::response_claims(&changes))
+        claim_table(&claims::response_claims(&changes))
     ))
 }

@@ -1,0 +1,47 @@
+//! The whole way of a design as library calls: trim, models, tuning,
+//! verification, flights.
+//!
+//! The command line, the tests and bindings to other languages call these
+//! functions, so that all of them make the same design.
+//!
+//! | function | from | to |
+//! |---|---|---|
+//! | [`trim`] | a problem, conditions | trim points over speed |
+//! | [`models`] | a problem, speeds | reduced linear models over speed |
+//! | [`plants`] | a problem, a specification, speeds | what tuning and verification work on |
+//! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
+//! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
+//! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
+//! | [`crate::export::export`] | a schedule | files of other programs |
+//!
+//! Every function takes an [`Observer`], which hears of progress and can stop
+//! the work; [`Silent`] does neither. Results do not depend on the observer
+//! nor on the number of threads.
+//!
+//! A schedule with the same bytes as `coaxdesign tune-gains` writes:
+//!
+//! ```no_run
+//! use coaxdesign::pipeline::{Requirements, Silent, TuneOptions, tune};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let aircraft = coaxdesign::problem::load("mine.toml")?;
+//! let tuned = tune(&aircraft, &Requirements::builtin()?, &TuneOptions::default(), &Silent)?;
+//! std::fs::write("schedule.json", tuned.schedule.to_json()?)?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod error;
+mod observer;
+mod requirements;
+mod stages;
+mod tuning;
+
+pub use error::PipelineError;
+pub use observer::{Observer, Silent, Task};
+pub use requirements::{Requirements, problem_hash};
+pub use stages::{FlightPlan, Flown, fly, models, trim};
+pub use tuning::{
+    PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, tune, verification_document,
+    verification_speeds, verify,
+};

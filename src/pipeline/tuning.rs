@@ -1,0 +1,340 @@
+//! From a problem and a specification to a verified schedule.
+
+use serde_json::{Value as Json, json};
+
+use super::observer::Running;
+use super::requirements::problem_hash;
+use super::{Observer, PipelineError, Requirements, Task};
+use crate::control::axis::Channel;
+use crate::control::design::{Design, design};
+use crate::control::explain::{Explanation, explain};
+use crate::control::law::LawTable;
+use crate::control::models::{Built, LeftOut, build_until};
+use crate::control::plant::{ModelClass, ModelSet, Plant};
+use crate::control::spec::Specification;
+use crate::control::tuning::Price;
+use crate::control::verify::{Authority, BladeControl, Row, Verification, authority};
+use crate::problem::{Loaded, Problem};
+use crate::schedule::{Provenance, Schedule};
+
+/// Two speeds nearer than this are the same, m/s.
+const SAME_SPEED: f64 = 1e-6;
+
+/// What is tuned and what is explained.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TuneOptions {
+    /// Outer loops to tune; all of the specification where none is named. The
+    /// inner axes are always tuned.
+    pub channels: Vec<Channel>,
+    /// Explain the hardest breakpoint of every axis, not only where it misses.
+    pub explain_all: bool,
+}
+
+/// A verification with all that belongs to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verified {
+    /// Every metric, and closed-loop stability.
+    pub verification: Verification,
+    /// What step commands ask of the blades.
+    pub authority: Vec<Authority>,
+    /// Models and speeds without a trim.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl Verified {
+    /// Whether every row and loop passed and no model was left out.
+    #[must_use]
+    pub fn met(&self) -> bool {
+        self.verification.passed && self.left_out.is_empty()
+    }
+}
+
+/// A tuned, verified law.
+#[derive(Debug, Clone)]
+pub struct Tuned {
+    /// What flies, with its provenance.
+    pub schedule: Schedule,
+    /// The law and how it came about: prices, lag laws, work.
+    pub design: Design,
+    /// Plants at the breakpoints, the nominal model first.
+    pub nodes: ModelSet,
+    /// The verification at the breakpoints and between them.
+    pub verified: Verified,
+    /// Why targets are missed; on request also what met ones cost.
+    pub explanations: Vec<Explanation>,
+}
+
+impl Tuned {
+    /// `verification.json`.
+    ///
+    /// # Errors
+    /// None in practice: all values can be written as JSON.
+    pub fn verification_document(&self) -> Result<Json, serde_json::Error> {
+        verification_document(&self.verified, &self.explanations, &self.design.tuning.prices)
+    }
+}
+
+/// Speeds at which a law is verified, m/s: its breakpoints, their middles, and
+/// further ones; in order, none twice.
+#[must_use]
+pub fn verification_speeds(breakpoints: &[f64], more: &[f64]) -> Vec<f64> {
+    let mut speeds = breakpoints.to_vec();
+    speeds.extend(breakpoints.windows(2).map(|w| 0.5 * (w[0] + w[1])));
+    speeds.extend_from_slice(more);
+    speeds.sort_by(f64::total_cmp);
+    speeds.dedup_by(|a, b| (*a - *b).abs() < SAME_SPEED);
+    speeds
+}
+
+/// Plants of every model of a specification at these speeds, m/s.
+///
+/// # Errors
+/// A model that makes no vehicle or cannot be linearised, no speed at which
+/// all models trim, or an observer that stops.
+pub fn plants(
+    problem: &Problem,
+    specification: &Specification,
+    speeds: &[f64],
+    observer: &dyn Observer,
+) -> Result<Built, PipelineError> {
+    let models = &specification.models;
+    let _running = Running::begin(observer, Task::Models, speeds.len() * models.len())?;
+    let stop = || observer.cancelled();
+    Ok(build_until(problem, models, speeds, &|| observer.advance(), &stop)?)
+}
+
+/// Blade controls of a problem, for the authority check.
+#[must_use]
+pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
+    let c = &problem.controls;
+    let mut out = Vec::new();
+    for (k, (rotor, mix)) in problem.rotors.iter().zip(&c.mix).enumerate() {
+        let parts = [
+            ("collective", mix.theta_0, c.collective_limits[k]),
+            ("theta_1c", mix.theta_1c, c.cyclic_limits[k]),
+            ("theta_1s", mix.theta_1s, c.cyclic_limits[k]),
+        ];
+        for (i, (name, gain, limits)) in parts.into_iter().enumerate() {
+            out.push(BladeControl {
+                name: format!("{} {name}", rotor.name),
+                gain,
+                offset: mix.rigging[i],
+                limits,
+            });
+        }
+    }
+    out
+}
+
+/// The plants at some of the speeds of a set.
+fn subset(set: &ModelSet, speeds: &[f64]) -> ModelSet {
+    ModelSet {
+        models: set.models.clone(),
+        plants: set
+            .plants
+            .iter()
+            .filter(|p| speeds.iter().any(|v| (v - p[0].speed).abs() < SAME_SPEED))
+            .cloned()
+            .collect(),
+    }
+}
+
+/// Breakpoints that trim, and the outermost speeds that do where these lie
+/// beyond: an end breakpoint that is left out would leave the law constant
+/// over speeds at which it is verified.
+fn with_ends(breakpoints: &[f64], trimmed: &[f64]) -> Vec<f64> {
+    let mut speeds: Vec<f64> = breakpoints
+        .iter()
+        .copied()
+        .filter(|b| trimmed.iter().any(|v| (v - b).abs() < SAME_SPEED))
+        .collect();
+    let inside = |v: &&f64| {
+        breakpoints.first().is_some_and(|b| **v > *b)
+            && breakpoints.last().is_some_and(|b| **v < *b)
+    };
+    let ends = [trimmed.iter().find(inside), trimmed.iter().rfind(inside)];
+    let (low, high) = (speeds.first().copied(), speeds.last().copied());
+    if let (Some(low), Some(high)) = (low, high) {
+        speeds.extend(ends.into_iter().flatten().filter(|v| **v < low || **v > high));
+    }
+    speeds
+}
+
+/// Tunes a schedule to a specification, verifies it at the breakpoints and
+/// between them, and explains what is missed.
+///
+/// Requirements that cannot be met are no error: the least-violating design
+/// comes back, [`Verified::met`] is false, and so is
+/// [`Schedule::requirements_met`].
+///
+/// # Errors
+/// No models to tune on, an axis that the specification does not have, plants
+/// that no gains stabilise, or an observer that stops.
+pub fn tune(
+    aircraft: &Loaded,
+    requirements: &Requirements,
+    options: &TuneOptions,
+    observer: &dyn Observer,
+) -> Result<Tuned, PipelineError> {
+    let problem = &aircraft.problem;
+    let spec = &requirements.specification;
+    let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
+    let built = plants(problem, spec, &speeds, observer)?;
+    let nodes = subset(&built.set, &with_ends(&spec.speeds, &built.set.speeds()));
+    if nodes.plants.is_empty() {
+        return Err(PipelineError::NoBreakpoint);
+    }
+    let between: Vec<Plant> = built
+        .set
+        .plants
+        .iter()
+        .map(|p| p[0].clone())
+        .filter(|p| nodes.plants.iter().all(|n| (n[0].speed - p.speed).abs() > SAME_SPEED))
+        .collect();
+    let design = {
+        let _running = Running::begin(observer, Task::Tuning, 1)?;
+        design(spec, &nodes, &between, &options.channels)?
+    };
+    let _running = Running::begin(observer, Task::Verification, 1)?;
+    let limits = problem.controls.stick_limits;
+    let verified = judge(&design.table, limits, problem, spec, built)?;
+    let explanations =
+        explanations(spec, &nodes, &design.table, &verified.verification, options.explain_all)?;
+    let provenance = Provenance {
+        generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
+        problem_hash: problem_hash(aircraft),
+        specification_hash: requirements.hash(),
+    };
+    let met = verified.met();
+    let schedule =
+        Schedule::new(&problem.name, &design.table, spec.hardware, limits, met, provenance);
+    Ok(Tuned { schedule, design, nodes, verified, explanations })
+}
+
+/// Verifies a schedule, tuned here or elsewhere, against a specification, whose
+/// hardware it takes.
+///
+/// # Errors
+/// A schedule that is no law, no models to verify on, or an observer that
+/// stops.
+pub fn verify(
+    schedule: &Schedule,
+    problem: &Problem,
+    specification: &Specification,
+    observer: &dyn Observer,
+) -> Result<Verified, PipelineError> {
+    let table = schedule.law()?;
+    let breakpoints: Vec<f64> = table.points().iter().map(|p| p.speed).collect();
+    let speeds = verification_speeds(&breakpoints, &specification.verify_speeds);
+    let built = plants(problem, specification, &speeds, observer)?;
+    let _running = Running::begin(observer, Task::Verification, 1)?;
+    judge(&table, schedule.stick_limits, problem, specification, built)
+}
+
+fn judge(
+    table: &LawTable,
+    stick_limits: [[f64; 2]; 4],
+    problem: &Problem,
+    spec: &Specification,
+    built: Built,
+) -> Result<Verified, PipelineError> {
+    let verification = crate::control::verify::verify(table, &built.set, &spec.hardware, spec)?;
+    let blades = blade_controls(problem);
+    let authority = authority(table, &spec.hardware, spec, &blades, &stick_limits);
+    Ok(Verified { verification, authority, left_out: built.left_out })
+}
+
+/// Explains, for every axis, the nominal breakpoint with the least design
+/// margin: always where a requirement is missed there, else where `all` asks
+/// for it.
+fn explanations(
+    spec: &Specification,
+    nodes: &ModelSet,
+    table: &LawTable,
+    verification: &Verification,
+    all: bool,
+) -> Result<Vec<Explanation>, PipelineError> {
+    let mut out = Vec::new();
+    for requirement in &spec.channels {
+        let margin = |row: &Row| row.design_margin_percent.unwrap_or(0.0);
+        let hardest = verification
+            .rows
+            .iter()
+            .filter(|r| {
+                r.axis == requirement.channel.name()
+                    && r.class == ModelClass::Nominal
+                    && r.model == nodes.models[0].name
+                    && r.breakpoint
+                    && r.design_margin_percent.is_some()
+            })
+            .min_by(|a, b| margin(a).total_cmp(&margin(b)));
+        let Some(row) = hardest.filter(|row| all || !row.passed) else { continue };
+        let plant = nodes.plants.iter().find(|p| (p[0].speed - row.speed_m_s).abs() < SAME_SPEED);
+        let Some(plant) = plant else { continue };
+        let point = table.at(row.speed_m_s);
+        out.push(explain(spec, &table.settings, &plant[0], &point, requirement)?);
+    }
+    Ok(out)
+}
+
+/// Prices of a smaller size than this, %, are those of targets that do not
+/// bind; they are not written.
+pub const PRICE_SHOWN: f64 = 5e-3;
+
+/// `verification.json`: schema
+/// [`coaxdesign.verification/1`](crate::control::verify::SCHEMA).
+///
+/// # Errors
+/// None in practice: all values can be written as JSON.
+pub fn verification_document(
+    verified: &Verified,
+    explanations: &[Explanation],
+    prices: &[Price],
+) -> Result<Json, serde_json::Error> {
+    let mut value = serde_json::to_value(&verified.verification)?;
+    value["authority"] = json!(verified.authority);
+    value["explanations"] = json!(explanations);
+    value["prices"] = prices
+        .iter()
+        .filter(|p| p.percent.abs() >= PRICE_SHOWN)
+        .map(|p| {
+            json!({
+                "axis": p.channel.name(),
+                "speed_m_s": p.speed,
+                "target": p.target,
+                "tightening": p.target.unit_tightening().1,
+                "activity_percent": p.percent,
+            })
+        })
+        .collect();
+    value["left_out"] = verified
+        .left_out
+        .iter()
+        .map(|l| json!({ "model": l.model, "speed_m_s": l.speed, "reason": l.reason }))
+        .collect();
+    Ok(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An end that does not trim is replaced by the outermost speed that does;
+    /// a breakpoint in the middle is not, nor one beyond the schedule.
+    #[test]
+    fn ends_that_do_not_trim_are_replaced() {
+        let breakpoints = [0.0, 10.0, 20.0];
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0, 20.0]), breakpoints);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 10.0, 15.0]), [0.0, 10.0, 15.0]);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 5.0, 15.0, 20.0]), [0.0, 20.0]);
+        assert_eq!(with_ends(&breakpoints, &[0.0, 10.0, 30.0]), [0.0, 10.0]);
+    }
+
+    #[test]
+    fn a_law_is_verified_at_its_breakpoints_and_between_them() {
+        assert_eq!(
+            verification_speeds(&[0.0, 10.0, 30.0], &[5.0, 25.0]),
+            [0.0, 5.0, 10.0, 20.0, 25.0, 30.0]
+        );
+    }
+}
