@@ -39,9 +39,10 @@ fn linearize_writes_the_reduced_model_in_the_units_of_the_paper() {
     // Every entry of the four matrices and of the trim, and a head.
     let csv = run("--format csv");
     assert_eq!(out(&csv).lines().count(), 1 + 8 * 8 + 8 * 4 + 15 * 8 + 15 * 4 + 8 + 4);
-    // The trim is that of the hover: level speed nil, collective where it lifts.
+    // The trim is that of the flight: its velocity makes 70 kt.
     let trim = record.trim.unwrap();
-    assert!(trim.states[0].hypot(trim.states[1]).hypot(trim.states[2]) < 1e-6);
+    let speed = trim.states[0].hypot(trim.states[1]).hypot(trim.states[2]);
+    assert!((speed / (70.0 * 1852.0 / 3600.0) - 1.0).abs() < 1e-3, "{speed} m/s");
     assert!((10.0..90.0).contains(&trim.inputs[2]), "{trim:?}");
 }
 

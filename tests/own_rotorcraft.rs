@@ -105,7 +105,9 @@ fn averaging_the_tail_rotor_hardly_moves_the_trim() {
     let [resolved, averaged] = &trims;
     for k in 0..4 {
         let moved = averaged.sticks[k] - resolved.sticks[k];
-        assert!(moved.abs() < 0.05, "stick {k}: {moved} %");
+        // The pedals carry the tail rotor itself.
+        let most = if k == 3 { 0.4 } else { 0.05 };
+        assert!(moved.abs() < most, "stick {k}: {moved} %");
     }
     let moved = averaged.mean_state[Layout::BODY.roll] - resolved.mean_state[Layout::BODY.roll];
     assert!(moved.abs().to_degrees() < 0.01, "{moved}");

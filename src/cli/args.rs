@@ -7,6 +7,8 @@ use clap::{Args, ValueEnum};
 use super::error::color;
 use super::output;
 use super::{CliError, Outcome};
+use coaxdesign::lti::mapping::Mapping;
+use coaxdesign::lti::{self, LtiSet};
 use coaxdesign::problem::{self, Loaded};
 use coaxdesign::units::System;
 
@@ -52,6 +54,60 @@ impl ProblemArgs {
             }
         }
         Ok(loaded)
+    }
+}
+
+/// `--models SET`.
+#[derive(Debug, Clone, Args)]
+pub struct ModelsArgs {
+    /// Linear models from elsewhere instead of a problem: a directory of CSV tables, or a JSON,
+    /// MAT or CSV file
+    #[arg(long, value_name = "SET")]
+    pub models: Option<PathBuf>,
+}
+
+impl ModelsArgs {
+    /// Reads the set, if there is one: that of `--models`, or the one that the
+    /// specification names, whose path is relative to it. What was done to the
+    /// models is shown on standard error, unless quiet.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the set, and a problem file beside it.
+    pub fn load(
+        &self,
+        problem: &ProblemArgs,
+        mapping: &Mapping,
+        specification: &str,
+        quiet: bool,
+    ) -> Result<Option<LtiSet>, CliError> {
+        let beside = |path: &PathBuf| match Path::new(specification).parent() {
+            Some(directory) if path.is_relative() => directory.join(path),
+            _ => path.clone(),
+        };
+        let path = match (&self.models, &mapping.path) {
+            (Some(path), _) => path.clone(),
+            // A problem that is named goes before a set that the
+            // specification names.
+            (None, Some(path)) if problem.file.is_none() => beside(path),
+            _ => return Ok(None),
+        };
+        if let Some(file) = &problem.file {
+            return Err(CliError::Usage {
+                message: format!(
+                    "a problem file, {}, and a set of models, {}, are given",
+                    file.display(),
+                    path.display()
+                ),
+                help: "give one of them".into(),
+            });
+        }
+        let set = lti::load(&path, mapping)?;
+        if !quiet && std::env::var_os(STAGE).is_none() {
+            for text in &set.notes {
+                output::note(&format!("note: {text}\n"));
+            }
+        }
+        Ok(Some(set))
     }
 }
 

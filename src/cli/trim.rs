@@ -144,7 +144,13 @@ pub fn parse_speeds(text: &str) -> Result<Vec<f64>, CliError> {
     };
     let parts: Vec<&str> = numbers.split(':').collect();
     match parts.as_slice() {
-        [list] => list.split(',').map(value).collect(),
+        [list] => {
+            let count = list.split(',').count();
+            if count > MOST_SPEEDS {
+                return Err(usage(format!("{count} speeds are too many; {MOST_SPEEDS} at most")));
+            }
+            list.split(',').map(value).collect()
+        }
         [first, last, step] => {
             let (first, last, step) = (value(first)?, value(last)?, value(step)?);
             if step <= 0.0 {
@@ -153,7 +159,8 @@ pub fn parse_speeds(text: &str) -> Result<Vec<f64>, CliError> {
             if last < first {
                 return Err(usage("the last speed is below the first".into()));
             }
-            let count = ((last - first) / step + 1e-9).floor() as usize + 1;
+            let count = ((last - first) / step + 1e-9).floor() as usize;
+            let count = count.saturating_add(1);
             if count > MOST_SPEEDS {
                 return Err(usage(format!("{count} speeds are too many; {MOST_SPEEDS} at most")));
             }
@@ -397,11 +404,73 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         text.push('\n');
         text += &published_table(&found, system).to_text(Coloring::for_stdout());
     }
+    if let Some(found) = blades_table(problem, sweeps, system) {
+        text.push('\n');
+        text += &found.to_text(Coloring::for_stdout());
+        text.push_str(
+            "\nShares are of the disk. A section counts as stalled beyond the angle of largest \
+             lift at its Mach\nnumber (15 deg from zero lift without a table), and as too fast \
+             beyond drag divergence or Mach 0.9;\nazimuth is in the rotor's own direction from \
+             over the tail.\n",
+        );
+    }
     text.push_str(
         "\nThrust is along the shaft, mean over the orbit; margin is the least distance to a \
          control limit, in percent of its travel.\n",
     );
     text
+}
+
+/// Share of the disk from which sections that are stalled or too fast are
+/// shown, and in reversed flow; blade loading C_T/σ from which it is.
+const SHOWN: [f64; 4] = [0.005, 0.005, 0.05, 0.12];
+
+/// What the blades meet where it is more than usual; `None` where it nowhere
+/// is.
+fn blades_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+    let mut table = Table::new(
+        "warning: blades stalled, too fast, in reversed flow or highly loaded",
+        vec![
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+            Column::text("interactions"),
+            Column::text("rotor"),
+            Column::number("stalled", "%", Digits::Decimals(1)),
+            Column::number("too fast", "%", Digits::Decimals(1)),
+            Column::number("reversed", "%", Digits::Decimals(1)),
+            Column::number("C_T/σ", "", Digits::Decimals(3)),
+            Column::number("worst r/R", "", Digits::Decimals(2)),
+            Column::number("azimuth", "deg", Digits::Decimals(0)),
+            Column::number("α", "deg", Digits::Decimals(1)),
+            Column::number("Mach", "", Digits::Decimals(2)),
+        ],
+    );
+    let mut any = false;
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let census = &mean.census;
+            let shares =
+                [census.stalled(), census.diverging(), census.reversed(), mean.blade_loading];
+            if census.is_empty() || shares.iter().zip(SHOWN).all(|(share, shown)| *share < shown) {
+                continue;
+            }
+            any = true;
+            let worst = &census.worst;
+            table.row([
+                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
+                Cell::from(on_off(point.interactions)),
+                Cell::from(rotor.name.as_str()),
+                Cell::from(100.0 * shares[0]),
+                Cell::from(100.0 * shares[1]),
+                Cell::from(100.0 * shares[2]),
+                Cell::from(shares[3]),
+                Cell::from(worst.station),
+                Cell::from(worst.azimuth.rem_euclid(std::f64::consts::TAU).to_degrees()),
+                Cell::from(worst.angle_of_attack.to_degrees()),
+                Cell::from(worst.mach),
+            ]);
+        }
+    }
+    any.then_some(table)
 }
 
 /// A hover value of a rotor beside the published one, SI.
@@ -559,6 +628,27 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         }
         for (name, value) in ["theta_0", "theta_1c", "theta_1s"].iter().zip(mean.pitch) {
             put(format!("{name}_{angle_unit}"), angle(value));
+        }
+        let census = &mean.census;
+        if !census.is_empty() && point.on_orbit() {
+            let worst = &census.worst;
+            let azimuth = worst.azimuth.rem_euclid(std::f64::consts::TAU);
+            entry.insert(
+                "blades".into(),
+                json!({
+                    "c_t_over_sigma": clean(mean.blade_loading),
+                    "stalled_share": clean(census.stalled()),
+                    "drag_divergence_share": clean(census.diverging()),
+                    "reversed_share": clean(census.reversed()),
+                    "worst": {
+                        "severity": clean(census.severity),
+                        "station": clean(worst.station),
+                        format!("azimuth_{angle_unit}"): angle(azimuth),
+                        format!("angle_of_attack_{angle_unit}"): angle(worst.angle_of_attack),
+                        "mach": clean(worst.mach),
+                    },
+                }),
+            );
         }
         rotors.insert(rotor.name.clone(), Json::Object(entry));
     }
@@ -912,6 +1002,27 @@ pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> String {
 mod tests {
     use super::*;
     use coaxdesign::units::KNOT;
+
+    #[test]
+    fn absurd_ranges_are_refused() {
+        for text in ["0:100:5e-324 kt", "0:1e-300:1e-320 kt", "0:600:1e-9kt"] {
+            let error = parse_speeds(text).unwrap_err().to_string();
+            assert!(error.contains("too many") || error.contains("positive"), "{text}: {error}");
+        }
+        let list = format!("{}1 kt", "1,".repeat(100_000));
+        assert!(parse_speeds(&list).unwrap_err().to_string().contains("too many"));
+    }
+
+    proptest::proptest! {
+        /// Any text is answered, with speeds that can be flown or with an error.
+        #[test]
+        fn any_text_is_answered(text in "[0-9:,. ekmtnaif/s-]{0,24}|\\PC{0,16}") {
+            if let Ok(speeds) = parse_speeds(&text) {
+                proptest::prop_assert!(speeds.iter().all(|v| v.is_finite() && *v >= 0.0));
+                proptest::prop_assert!(speeds.len() <= MOST_SPEEDS);
+            }
+        }
+    }
 
     #[test]
     fn speeds_in_every_form() {

@@ -3,20 +3,22 @@
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::design::Design;
 use coaxdesign::control::explain::{Explanation, Target};
 use coaxdesign::control::law::LawTable;
+use coaxdesign::control::misses::misses;
 use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
 use coaxdesign::control::verify::{Authority, Verdict, Verification};
 use coaxdesign::pipeline::{
-    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, verification_document,
+    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
+    verification_document,
 };
 use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
@@ -34,6 +36,8 @@ use coaxdesign::units::{Kind, System};
 pub struct Tune {
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
     #[command(flatten)]
     spec: SpecArgs,
     /// Directory for schedule.json and verification.json
@@ -117,8 +121,9 @@ pub(super) fn usage(message: String, help: &str) -> CliError {
 impl Tune {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let requirements = self.spec.load()?;
+        let mapping = &requirements.specification.models_from;
+        let set = self.models.load(&self.problem, mapping, &requirements.name, self.run.quiet)?;
         let system = self.units.system();
         let paths =
             self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
@@ -134,7 +139,13 @@ impl Tune {
             explain_all: self.explain,
         };
         let watch = Watch::new(self.run.quiet);
-        let tuned = tune(&loaded, &requirements, &options, &watch)?;
+        let tuned = match &set {
+            Some(set) => tune_models(set, &requirements, &options, &watch)?,
+            None => {
+                let loaded = self.problem.load_with_warnings(self.run.quiet)?;
+                tune(&loaded, &requirements, &options, &watch)?
+            }
+        };
         let spec = &requirements.specification;
         let Tuned { schedule, design, nodes, verified, explanations } = &tuned;
         if !self.run.quiet {
@@ -178,6 +189,7 @@ impl Tune {
                     text += &prices_table(prices, system).to_text(coloring);
                 }
                 text += &explanations_text(explanations, system);
+                text += &misses_text(&verified.verification, system);
                 text += &left_out_text(&verified.left_out, system);
                 if let Some(paths) = &paths {
                     text += &format!("Wrote {}.\n", paths.directory.display());
@@ -458,6 +470,11 @@ fn growing_table(v: &Verification, system: System) -> Table {
 
 /// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
+    if checks.is_empty() {
+        return String::from(
+            "\nAuthority is not checked: linear models say nothing of the blades' limits.\n",
+        );
+    }
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
     for axis in Axis::ALL {
         let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis.name()).collect();
@@ -509,7 +526,7 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
         if e.attainable {
-            text += "all targets can be met. Prices in actuator activity:\n";
+            text += "this model alone can meet all targets here. Prices in actuator activity:\n";
             for t in &e.targets {
                 match t.price_percent {
                     Some(p) => {
@@ -538,6 +555,41 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
                 }
             }
         }
+    }
+    text
+}
+
+/// Every requirement that is missed: how far, where worst, and the key that
+/// asks for it.
+fn misses_text(verification: &Verification, system: System) -> String {
+    let found = misses(verification);
+    if found.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nMissed, worst first, with what these gains reach:\n");
+    for m in &found {
+        let class = match m.class {
+            ModelClass::Nominal => "nominal",
+            ModelClass::OffNominal => "off-nominal",
+        };
+        let place = if m.breakpoint { "at" } else { "between breakpoints, at" };
+        text += &format!(
+            "  {} {}: asked {:.3}, reached {:.3} {place} {} with model {}; {} of {} {class} rows. \
+             The key is {}",
+            m.axis,
+            m.requirement,
+            m.asked,
+            m.reached,
+            speed_text(m.speed, system),
+            m.model,
+            m.rows[0],
+            m.rows[1],
+            m.key
+        );
+        text += &match m.factor {
+            Some(factor) => format!(", times {factor:.3} to be met.\n"),
+            None => ".\n".into(),
+        };
     }
     text
 }

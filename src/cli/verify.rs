@@ -3,11 +3,11 @@
 use clap::Args;
 use std::path::PathBuf;
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::tune::{SpecArgs, authority_text, report_text, rows_table, usage, verification_text};
 use super::watch::Watch;
 use super::{CliError, Outcome};
-use coaxdesign::pipeline::verify;
+use coaxdesign::pipeline::{verify, verify_models};
 use coaxdesign::report::table::Coloring;
 use coaxdesign::schedule::Schedule;
 
@@ -21,6 +21,8 @@ pub struct Verify {
     schedule: PathBuf,
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
     #[command(flatten)]
     spec: SpecArgs,
     #[command(flatten)]
@@ -51,11 +53,19 @@ impl Verify {
             )
         };
         let schedule = Schedule::from_json(&text).map_err(not_usable)?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let spec = self.spec.load()?.specification;
+        let requirements = self.spec.load()?;
+        let spec = &requirements.specification;
+        let quiet = self.run.quiet;
+        let set = self.models.load(&self.problem, &spec.models_from, &requirements.name, quiet)?;
         let system = self.units.system();
         let watch = Watch::new(self.run.quiet);
-        let verified = verify(&schedule, &loaded.problem, &spec, &watch)?;
+        let verified = match &set {
+            Some(set) => verify_models(&schedule, set, spec, &watch)?,
+            None => {
+                let loaded = self.problem.load_with_warnings(quiet)?;
+                verify(&schedule, &loaded.problem, spec, &watch)?
+            }
+        };
         let text = match self.format.format {
             Format::Json => verification_text(&verified, &[], &[])?,
             Format::Csv => rows_table(&verified.verification, system, true).to_csv(),

@@ -10,6 +10,7 @@
 //! | [`models`] | a problem, speeds | reduced linear models over speed |
 //! | [`plants`] | a problem, a specification, speeds | what tuning and verification work on |
 //! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
+//! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
 //! | [`crate::export::export`] | a schedule | files of other programs |
@@ -42,6 +43,6 @@ pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, models, trim};
 pub use tuning::{
-    PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, tune, verification_document,
-    verification_speeds, verify,
+    PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, plants_of_models, tune,
+    tune_models, verification_document, verification_speeds, verify, verify_models,
 };

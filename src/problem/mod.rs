@@ -137,11 +137,36 @@ pub fn parse_beside_builtin(path: &str, text: &str) -> Result<Loaded, Report> {
     Loader::new(Library::Embedded).run(path, text.into(), directory, None)
 }
 
+/// Reads a problem again from the files that it was read from, as pairs of
+/// name and text in the order of [`Loaded::sources`]: nothing is looked up
+/// elsewhere, so that a problem can travel to another machine.
+///
+/// # Errors
+/// As [`load`]; a file that is not among those given counts as missing.
+pub fn reload(files: &[(String, String)]) -> Result<Loaded, Report> {
+    let Some((name, text)) = files.first() else {
+        return Err(Report::new(
+            vec![Diagnostic::whole_file(
+                "problem",
+                "there is no text".into(),
+                "give the problem's own text first, then those of its bases and tables".into(),
+            )],
+            false,
+        ));
+    };
+    let held = files.iter().map(|(name, text)| (PathBuf::from(name), text.clone())).collect();
+    let path = Path::new(name);
+    let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    Loader::new(Library::Held(Arc::new(held))).run(name, text.clone(), directory, Some(path))
+}
+
 /// Where files come from.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 enum Library {
     Disk,
     Embedded,
+    /// These texts by name, and no others.
+    Held(Arc<HashMap<PathBuf, String>>),
 }
 
 struct ReadFault {
@@ -154,13 +179,16 @@ struct ReadFault {
 }
 
 impl Library {
-    fn read(self, path: &Path) -> Result<String, ReadFault> {
+    fn read(&self, path: &Path) -> Result<String, ReadFault> {
         let fault = |message: &str, unreadable: bool| ReadFault {
             message: message.into(),
             help: (!unreadable).then_some("save it as UTF-8 text, as most editors do by default"),
             unreadable,
         };
         match self {
+            Library::Held(texts) => {
+                texts.get(path).cloned().ok_or_else(|| fault("there is no such file", true))
+            }
             Library::Embedded => {
                 let plain = without_parents(path);
                 let name = plain.strip_prefix("problems").unwrap_or(&plain);
@@ -194,10 +222,10 @@ impl Library {
     }
 
     /// A path by which a file is known again.
-    fn identity(self, path: &Path) -> PathBuf {
+    fn identity(&self, path: &Path) -> PathBuf {
         match self {
             Library::Disk => path.canonicalize().unwrap_or_else(|_| path.into()),
-            Library::Embedded => without_parents(path),
+            Library::Embedded | Library::Held(_) => without_parents(path),
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::{Flown, Shooting};
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
+use crate::vehicle::census::Census;
 use crate::vehicle::inflow::FlowState;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
@@ -246,6 +247,10 @@ pub struct RotorMean {
     pub profile_power: f64,
     /// Induced power, W.
     pub induced_power: f64,
+    /// Blade loading C_T/σ; zero for a rotor without blades.
+    pub blade_loading: f64,
+    /// What the sections of its blades meet over the orbit.
+    pub census: Census,
 }
 
 /// Mean powers, W.
@@ -875,6 +880,7 @@ fn report(
             add(&mut mean.power, now.power);
             add(&mut mean.profile_power, now.profile_power);
             add(&mut mean.induced_power, now.induced_power);
+            mean.census.merge(&now.census);
             add3(&mut mean.inflow, &now.inflow);
             add3(&mut mean.self_inflow, &now.self_inflow);
             add3(&mut mean.advance, &now.advance);
@@ -905,6 +911,10 @@ fn report(
             MassFlow::Total => mean.inflow[0],
         };
         mean.flow = FlowState::of(forward.hypot(sideways), down, uniform);
+        let solidity = rotor.solidity();
+        if solidity > 0.0 {
+            mean.blade_loading = mean.thrust_coefficient / solidity;
+        }
         mean.force_vibration = range[index].map(|[low, high]| 0.5 * (high - low));
     }
     let values = shooting.residuals_of(&state, &period);

@@ -2,6 +2,7 @@
 //! powers and the loads of each component.
 
 use crate::numerics::scalar::Vec3;
+use crate::vehicle::census::Census;
 use crate::vehicle::rotor::RotorInput;
 use crate::vehicle::{AirMotion, Vehicle, Workspace};
 
@@ -40,6 +41,8 @@ pub struct RotorOutput {
     /// Flap angle of blade 1 against its precone, rad: on a teetering hub the
     /// teeter angle.
     pub teeter_angle: f64,
+    /// What the sections of its blades meet.
+    pub census: Census,
     /// Coning β_0, rad; zero where blades do not cone.
     pub coning: f64,
 }
@@ -132,6 +135,7 @@ impl Vehicle {
                     moment_hub,
                     profile_power: blades.profile,
                     induced_power: blades.induced,
+                    census: blades.census,
                     inexact_power: rotor.inexact_power(
                         &input,
                         shaft,
