@@ -4,6 +4,10 @@
 //! control law needs, with units, interpolation and end rules, and where it
 //! came from. SI units and radians; sticks in percent.
 
+mod check;
+
+pub use check::{Finding, Findings};
+
 use crate::control::axis::{Channel, ChannelGains, GainSet};
 use crate::control::law::{LawError, LawPoint, LawTable};
 use crate::control::loops::LawSettings;
@@ -126,6 +130,9 @@ pub enum ScheduleError {
     /// A channel that does not exist.
     #[error("there is no channel '{0}'")]
     Channel(String),
+    /// Values that no schedule can hold.
+    #[error(transparent)]
+    Findings(Findings),
     /// The table itself.
     #[error(transparent)]
     Law(#[from] LawError),
@@ -243,18 +250,29 @@ impl Schedule {
         Ok(LawTable::new(points, self.law, turn)?)
     }
 
+    /// Whether every value is one that a schedule can hold.
+    ///
+    /// # Errors
+    /// Everything that is not, with its place.
+    pub fn check(&self) -> Result<(), Findings> {
+        let findings = check::check(self);
+        if findings.is_empty() { Ok(()) } else { Err(Findings(findings)) }
+    }
+
     /// The schedule as JSON text.
     ///
     /// # Errors
-    /// None in practice: all values are finite.
+    /// Values that no schedule can hold: see [`Schedule::check`].
     pub fn to_json(&self) -> Result<String, ScheduleError> {
+        self.check().map_err(ScheduleError::Findings)?;
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
     /// Reads a schedule and checks it.
     ///
     /// # Errors
-    /// Text that is no schedule, another schema, or a table that is no law.
+    /// Text that is no schedule, another schema, values that no schedule can
+    /// hold (all of them, each with its line), or a table that is no law.
     pub fn from_json(text: &str) -> Result<Self, ScheduleError> {
         #[derive(Deserialize)]
         struct Head {
@@ -265,6 +283,12 @@ impl Schedule {
             return Err(ScheduleError::Schema { found: head.schema });
         }
         let schedule: Self = serde_json::from_str(text)?;
+        schedule.check().map_err(|mut findings| {
+            for finding in &mut findings.0 {
+                finding.line = check::line_of(text, &finding.pointer);
+            }
+            ScheduleError::Findings(findings)
+        })?;
         schedule.law()?;
         Ok(schedule)
     }
@@ -309,7 +333,7 @@ mod tests {
     use super::*;
     use crate::control::testbed;
 
-    fn schedule() -> Schedule {
+    pub(super) fn schedule() -> Schedule {
         let points = [0.0, 20.0]
             .map(|speed| {
                 let mut gains = GainSet::default();
@@ -344,8 +368,8 @@ mod tests {
         let s = schedule();
         let mut other = s.clone();
         other.points.reverse();
-        let text = other.to_json().unwrap();
-        assert!(matches!(Schedule::from_json(&text), Err(ScheduleError::Law(LawError::Order(_)))));
+        assert!(matches!(other.to_json(), Err(ScheduleError::Findings(_))));
+        assert!(matches!(other.law(), Err(ScheduleError::Law(LawError::Order(_)))));
         let mut other = s.clone();
         other.points[0].matrices.decoupling.pop();
         let text = other.to_json().unwrap();

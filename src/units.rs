@@ -263,6 +263,19 @@ impl Kind {
         self.display(system).symbol
     }
 
+    /// The unit of values inside the library: coherent SI and radians, so W
+    /// where people read kW; `1` for none.
+    pub fn coherent(self) -> &'static str {
+        match self {
+            Kind::Dimensionless => "1",
+            Kind::Angle => "rad",
+            Kind::AngularRate => "rad/s",
+            Kind::Power => "W",
+            Kind::AnglePerPercent => "rad/%",
+            other => other.symbol(System::Si),
+        }
+    }
+
     /// The unit as a piece of an identifier, for example `lbf_ft`, `deg_per_s`
     /// or `percent`; `1` for none. For JSON keys and CSV headers.
     pub fn identifier(self, system: System) -> String {
@@ -914,6 +927,17 @@ mod tests {
 
     fn close(a: f64, b: f64) {
         assert!((a - b).abs() <= 4.0 * f64::EPSILON * b.abs(), "{a} is not {b}");
+    }
+
+    /// Where the unit for people is the coherent one, numbers are unchanged.
+    #[test]
+    fn coherent_units_are_those_of_the_numbers() {
+        for kind in Kind::ALL {
+            let people = kind.symbol(System::Si);
+            let same = kind.from_si(1.5, System::Si) == 1.5;
+            let alike = kind.coherent() == people || people == "-";
+            assert_eq!(same, alike, "{kind:?}: {} and {people}", kind.coherent());
+        }
     }
 
     #[test]

@@ -18,6 +18,7 @@ const SETTINGS: LawSettings = LawSettings {
     attitude_damping: 0.8,
     yaw_time_constant: 0.5,
     heave_time_constant: 2.0,
+    notch: coaxdesign::law::mdi::Notches { roll: None, pitch: None, yaw: None, heave: None },
 };
 
 fn targets(drb: f64, crossover: Option<[f64; 2]>) -> Targets {

@@ -224,6 +224,7 @@ fn inner_gains_stay_affine_with_the_outer_loops_closed() {
         attitude_damping: 0.8,
         yaw_time_constant: 0.5,
         heave_time_constant: 2.0,
+        notch: Default::default(),
     };
     let plant = testbed::plant(12.0, &testbed::NOMINAL);
     let inversion = Inversion::new(&plant).unwrap();

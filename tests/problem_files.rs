@@ -264,3 +264,37 @@ proptest::proptest! {
         }
     }
 }
+
+/// A problem read again from its own texts is the same problem, without a file
+/// on the disk; a text that is missing is named.
+#[test]
+fn a_problem_is_read_again_from_its_texts() {
+    let held = |loaded: &problem::Loaded| -> Vec<(String, String)> {
+        loaded.sources.files().iter().map(|s| (s.name.clone(), s.text.clone())).collect()
+    };
+    let base = problem::builtin_named("coax2d-physics").unwrap();
+    let files = held(&base);
+    assert!(files.len() >= 3, "a base and a table take part");
+    let again = problem::reload(&files).unwrap();
+    let told = |loaded: &problem::Loaded| format!("{:?}", loaded.problem);
+    assert_eq!(told(&again), told(&base));
+    assert_eq!(held(&again), files);
+
+    let directory = tempfile::tempdir().unwrap();
+    let mine = directory.path().join("mine.toml");
+    std::fs::copy("problems/coax2d.toml", directory.path().join("base.toml")).unwrap();
+    std::fs::create_dir(directory.path().join("airfoils")).unwrap();
+    std::fs::copy(
+        "problems/airfoils/naca23012.c81",
+        directory.path().join("airfoils/naca23012.c81"),
+    )
+    .unwrap();
+    std::fs::write(&mine, "extends = \"base.toml\"\nname = \"Mine\"\n").unwrap();
+    let loaded = problem::load(&mine).unwrap();
+    let files = held(&loaded);
+    drop(directory);
+    assert_eq!(told(&problem::reload(&files).unwrap()), told(&loaded));
+    let report = problem::reload(&files[..1]).unwrap_err();
+    assert!(report.to_string().contains("base.toml"), "{report}");
+    assert!(problem::reload(&[]).is_err());
+}

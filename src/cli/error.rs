@@ -4,8 +4,8 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::output;
-use coaxdesign::pipeline::PipelineError;
-use coaxdesign::problem::Report;
+use coaxdesign::pipeline::{LockError, PipelineError};
+use coaxdesign::problem::{Report, visible};
 use coaxdesign::vehicle::VehicleError;
 
 /// Exit code of an internal error.
@@ -69,6 +69,18 @@ pub enum CliError {
     Internal(String),
 }
 
+impl From<LockError> for CliError {
+    fn from(error: LockError) -> Self {
+        let message = error.to_string();
+        match error {
+            LockError::Io { path, source } => Self::Io { path, source },
+            LockError::Held { .. } => {
+                Self::Usage { message, help: "wait until it has ended, or stop it".into() }
+            }
+        }
+    }
+}
+
 impl From<PipelineError> for CliError {
     fn from(error: PipelineError) -> Self {
         let help = error.help();
@@ -100,14 +112,20 @@ impl CliError {
         match self {
             CliError::Problem(report) => output::note(&report.render(color())),
             CliError::Usage { message, help } => {
-                output::note(&format!("error: {message}\n  help: {help}\n"));
+                output::note(&shown(&format!("error: {message}\n  help: {help}\n")));
             }
             CliError::Exists { .. } => {
-                output::note(&format!("error: {self}\n  help: --force replaces it\n"));
+                output::note(&shown(&format!("error: {self}\n  help: --force replaces it\n")));
             }
-            _ => output::note(&format!("error: {self}\n")),
+            _ => output::note(&shown(&format!("error: {self}\n"))),
         }
     }
+}
+
+/// A message as a terminal can show it: names of files and arguments may hold
+/// anything.
+fn shown(text: &str) -> String {
+    text.split('\n').map(|line| visible(line, true)).collect::<Vec<_>>().join("\n")
 }
 
 /// Whether messages to people may be coloured.

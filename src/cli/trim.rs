@@ -12,8 +12,12 @@ use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
-use coaxdesign::trim::{FlightCondition, Lateral, Status, TrimPoint};
-use coaxdesign::units::{Kind, System, parse_quantity};
+use coaxdesign::trim::{
+    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, trim_at_power,
+};
+use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
+use coaxdesign::vehicle::Vehicle;
+use coaxdesign::vehicle::inflow::FlowState;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
 #[derive(Debug, Args)]
@@ -22,6 +26,9 @@ pub struct Trim {
     problem: ProblemArgs,
     #[command(flatten)]
     pub(super) condition: ConditionArgs,
+    /// Total shaft power, such as "0 hp" for autorotation: the rate of climb follows
+    #[arg(long, value_name = "POWER", conflicts_with = "climb", allow_hyphen_values = true)]
+    power: Option<String>,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "both")]
     interactions: Interactions,
@@ -66,7 +73,7 @@ impl Interactions {
 /// The flight condition.
 #[derive(Debug, Clone, Args)]
 pub struct ConditionArgs {
-    /// True airspeeds: FIRST:LAST:STEP with a unit, a list, or one speed
+    /// Airspeeds, horizontal in a climb: FIRST:LAST:STEP with a unit, a list, or one speed
     #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt", allow_hyphen_values = true)]
     pub speeds: String,
     #[command(flatten)]
@@ -137,7 +144,13 @@ pub fn parse_speeds(text: &str) -> Result<Vec<f64>, CliError> {
     };
     let parts: Vec<&str> = numbers.split(':').collect();
     match parts.as_slice() {
-        [list] => list.split(',').map(value).collect(),
+        [list] => {
+            let count = list.split(',').count();
+            if count > MOST_SPEEDS {
+                return Err(usage(format!("{count} speeds are too many; {MOST_SPEEDS} at most")));
+            }
+            list.split(',').map(value).collect()
+        }
         [first, last, step] => {
             let (first, last, step) = (value(first)?, value(last)?, value(step)?);
             if step <= 0.0 {
@@ -146,7 +159,8 @@ pub fn parse_speeds(text: &str) -> Result<Vec<f64>, CliError> {
             if last < first {
                 return Err(usage("the last speed is below the first".into()));
             }
-            let count = ((last - first) / step + 1e-9).floor() as usize + 1;
+            let count = ((last - first) / step + 1e-9).floor() as usize;
+            let count = count.saturating_add(1);
             if count > MOST_SPEEDS {
                 return Err(usage(format!("{count} speeds are too many; {MOST_SPEEDS} at most")));
             }
@@ -213,11 +227,9 @@ impl FlightArgs {
         Ok(speeds
             .into_iter()
             .map(|speed| FlightCondition {
-                // A vertical climb is flown along the flight path.
-                airspeed: speed.max(climb.abs()),
-                climb_rate: climb,
                 turn_rate,
                 lateral,
+                ..FlightCondition::climbing(speed, climb)
             })
             .collect())
     }
@@ -226,21 +238,28 @@ impl FlightArgs {
 impl Trim {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         self.run.start()?;
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let conditions = self.condition.conditions(&mut loaded.problem)?;
         let problem = &loaded.problem;
-        let points = trim_all(problem, &conditions, self.interactions.positions(), self.run.quiet)?;
+        let power =
+            self.power.as_deref().map(|text| quantity("power", text, Kind::Power)).transpose()?;
+        let positions = self.interactions.positions();
+        let points = match power {
+            None => trim_all(problem, &conditions, positions, self.run.quiet)?,
+            Some(power) => trim_all_at_power(problem, &conditions, power, positions)?,
+        };
         if self.trace {
             for point in points.iter().flatten() {
                 output::note(&trace(point));
             }
         }
         let system = self.units.system();
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table(problem, &points, system),
             Format::Csv => csv(problem, &points, system),
             Format::Json => json_text(problem, &points, system)?,
@@ -250,6 +269,10 @@ impl Trim {
             output::write_whole(path, figure.as_bytes(), self.output.force)?;
         }
         self.output.write(&text)?;
+        let remarks = remarks(problem, &points);
+        if !remarks.is_empty() {
+            output::note(&remarks);
+        }
         let failures = failures(&points);
         if failures.is_empty() {
             Ok(Outcome::Done)
@@ -270,6 +293,28 @@ pub(super) fn trim_all(
     Ok(pipeline::trim(problem, conditions, positions, &Watch::new(quiet))?)
 }
 
+/// Trims a problem at every condition, the rates of climb from the power.
+fn trim_all_at_power(
+    problem: &Problem,
+    conditions: &[FlightCondition],
+    power: f64,
+    positions: &[bool],
+) -> Result<Vec<Vec<TrimPoint>>, CliError> {
+    use rayon::prelude::*;
+    positions
+        .iter()
+        .map(|&on| {
+            let mut problem = problem.clone();
+            problem.inflow.interactions = on;
+            let vehicle = Vehicle::new(&problem)?;
+            Ok(conditions
+                .par_iter()
+                .map(|&condition| trim_at_power(&vehicle, condition, power, &Options::default()))
+                .collect())
+        })
+        .collect()
+}
+
 /// The interactions in a word.
 pub(super) fn on_off(on: bool) -> &'static str {
     if on { "on" } else { "off" }
@@ -279,11 +324,19 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
     let mut text = format!("{}: periodic trim\n", problem.name);
     for points in sweeps {
         let Some(first) = points.first() else { continue };
-        let mut columns = vec![
-            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+        let climbs = points.iter().any(|point| point.condition.climb_rate != 0.0);
+        let mut columns =
+            vec![Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1))];
+        if climbs {
+            columns.push(match system {
+                System::Us => Column::number("climb", "ft/min", Digits::Decimals(0)),
+                System::Si => Column::number("climb", "m/s", Digits::Decimals(2)),
+            });
+        }
+        columns.extend([
             Column::number("roll", "deg", Digits::Decimals(2)),
             Column::number("pitch", "deg", Digits::Decimals(2)),
-        ];
+        ]);
         for stick in STICKS {
             columns.push(Column::number(stick, "%", Digits::Decimals(2)));
         }
@@ -312,11 +365,17 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         );
         for point in points {
             let [roll, pitch] = attitude(point);
-            let mut cells = vec![
-                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
-                Cell::from(roll.to_degrees()),
-                Cell::from(pitch.to_degrees()),
-            ];
+            let mut cells = vec![Cell::from(
+                Kind::Airspeed.from_si(point.condition.horizontal_speed(), system),
+            )];
+            if climbs {
+                let rate = point.condition.climb_rate;
+                cells.push(Cell::from(match system {
+                    System::Us => rate / (FOOT / 60.0),
+                    System::Si => rate,
+                }));
+            }
+            cells.extend([Cell::from(roll.to_degrees()), Cell::from(pitch.to_degrees())]);
             cells.extend(point.sticks.iter().map(|&stick| Cell::from(stick)));
             for rotor in &point.rotors {
                 cells.push(Cell::from(Kind::Force.from_si(rotor.thrust, system)));
@@ -346,11 +405,73 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         text.push('\n');
         text += &published_table(&found, system).to_text(Coloring::for_stdout());
     }
+    if let Some(found) = blades_table(problem, sweeps, system) {
+        text.push('\n');
+        text += &found.to_text(Coloring::for_stdout());
+        text.push_str(
+            "\nShares are of the disk. A section counts as stalled beyond the angle of largest \
+             lift at its Mach\nnumber (15 deg from zero lift without a table), and as too fast \
+             beyond drag divergence or Mach 0.9;\nazimuth is in the rotor's own direction from \
+             over the tail.\n",
+        );
+    }
     text.push_str(
         "\nThrust is along the shaft, mean over the orbit; margin is the least distance to a \
          control limit, in percent of its travel.\n",
     );
     text
+}
+
+/// Share of the disk from which sections that are stalled or too fast are
+/// shown, and in reversed flow; blade loading C_T/σ from which it is.
+const SHOWN: [f64; 4] = [0.005, 0.005, 0.05, 0.12];
+
+/// What the blades meet where it is more than usual; `None` where it nowhere
+/// is.
+fn blades_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Option<Table> {
+    let mut table = Table::new(
+        "warning: blades stalled, too fast, in reversed flow or highly loaded",
+        vec![
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+            Column::text("interactions"),
+            Column::text("rotor"),
+            Column::number("stalled", "%", Digits::Decimals(1)),
+            Column::number("too fast", "%", Digits::Decimals(1)),
+            Column::number("reversed", "%", Digits::Decimals(1)),
+            Column::number("C_T/σ", "", Digits::Decimals(3)),
+            Column::number("worst r/R", "", Digits::Decimals(2)),
+            Column::number("azimuth", "deg", Digits::Decimals(0)),
+            Column::number("α", "deg", Digits::Decimals(1)),
+            Column::number("Mach", "", Digits::Decimals(2)),
+        ],
+    );
+    let mut any = false;
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let census = &mean.census;
+            let shares =
+                [census.stalled(), census.diverging(), census.reversed(), mean.blade_loading];
+            if census.is_empty() || shares.iter().zip(SHOWN).all(|(share, shown)| *share < shown) {
+                continue;
+            }
+            any = true;
+            let worst = &census.worst;
+            table.row([
+                Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
+                Cell::from(on_off(point.interactions)),
+                Cell::from(rotor.name.as_str()),
+                Cell::from(100.0 * shares[0]),
+                Cell::from(100.0 * shares[1]),
+                Cell::from(100.0 * shares[2]),
+                Cell::from(shares[3]),
+                Cell::from(worst.station),
+                Cell::from(worst.azimuth.rem_euclid(std::f64::consts::TAU).to_degrees()),
+                Cell::from(worst.angle_of_attack.to_degrees()),
+                Cell::from(worst.mach),
+            ]);
+        }
+    }
+    any.then_some(table)
 }
 
 /// A hover value of a rotor beside the published one, SI.
@@ -453,7 +574,7 @@ fn clean(value: f64) -> Json {
     json!(digits)
 }
 
-fn json_text(
+pub(super) fn json_text(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,
@@ -492,6 +613,7 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         put(if us { "power_hp" } else { "power_w" }.into(), {
             if us { show(Kind::Power, mean.power) } else { clean(mean.power) }
         });
+        put("flow_state".into(), json!(mean.flow.word()));
         put("c_t".into(), clean(mean.thrust_coefficient));
         put("c_p".into(), clean(mean.power_coefficient));
         for (names, values) in [
@@ -507,6 +629,27 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         }
         for (name, value) in ["theta_0", "theta_1c", "theta_1s"].iter().zip(mean.pitch) {
             put(format!("{name}_{angle_unit}"), angle(value));
+        }
+        let census = &mean.census;
+        if !census.is_empty() && point.on_orbit() {
+            let worst = &census.worst;
+            let azimuth = worst.azimuth.rem_euclid(std::f64::consts::TAU);
+            entry.insert(
+                "blades".into(),
+                json!({
+                    "c_t_over_sigma": clean(mean.blade_loading),
+                    "stalled_share": clean(census.stalled()),
+                    "drag_divergence_share": clean(census.diverging()),
+                    "reversed_share": clean(census.reversed()),
+                    "worst": {
+                        "severity": clean(census.severity),
+                        "station": clean(worst.station),
+                        format!("azimuth_{angle_unit}"): angle(azimuth),
+                        format!("angle_of_attack_{angle_unit}"): angle(worst.angle_of_attack),
+                        "mach": clean(worst.mach),
+                    },
+                }),
+            );
         }
         rotors.insert(rotor.name.clone(), Json::Object(entry));
     }
@@ -532,9 +675,9 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     object.insert(
         if us { "speed_kt" } else { "speed_m_s" }.into(),
         if us {
-            show(Kind::Airspeed, point.condition.airspeed)
+            show(Kind::Airspeed, point.condition.horizontal_speed())
         } else {
-            clean(point.condition.airspeed)
+            clean(point.condition.horizontal_speed())
         },
     );
     object.insert("interactions".into(), json!(point.interactions));
@@ -547,6 +690,17 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     }
     if let Status::BeyondLimits { controls } = &point.status {
         object.insert("beyond_limits".into(), json!(controls));
+    }
+    object.insert("branch".into(), json!(point.branch.word()));
+    if let Some(last) = point.branch.last() {
+        object.insert(
+            "last_from_level_flight".into(),
+            json!({
+                "speed_m_s": clean(last.horizontal_speed()),
+                "climb_rate_m_s": clean(last.climb_rate),
+                "turn_rate_rad_s": clean(last.turn_rate),
+            }),
+        );
     }
     object.insert("iterations".into(), json!(point.iterations));
     object.insert("residual_norm".into(), json!(point.residual_norm));
@@ -609,6 +763,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             format!("theta_0_{angle_unit}"),
             format!("theta_1c_{angle_unit}"),
             format!("theta_1s_{angle_unit}"),
+            "flow_state".into(),
         ] {
             head.push(format!("{}.{column}", rotor.name));
         }
@@ -617,7 +772,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
     let mut text = head.join(",") + "\n";
     for point in sweeps.iter().flatten() {
         let [roll, pitch] = attitude(point);
-        let airspeed = point.condition.airspeed;
+        let airspeed = point.condition.horizontal_speed();
         let mut row = vec![
             number(if us { Kind::Airspeed.from_si(airspeed, system) } else { airspeed }),
             on_off(point.interactions).into(),
@@ -635,6 +790,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
                 number(mean.self_inflow[0]),
             ]);
             row.extend(mean.flapping.iter().chain(&mean.pitch).map(|&v| number(angle(v))));
+            row.push(mean.flow.word().into());
         }
         row.push(number(watt(point.power.shaft)));
         row.push(number(point.residual_norm));
@@ -684,7 +840,10 @@ pub(super) fn curves(
         name: name.into(),
         style,
         marks: Marks::With,
-        speed: good.iter().map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system)).collect(),
+        speed: good
+            .iter()
+            .map(|p| Kind::Airspeed.from_si(p.condition.horizontal_speed(), system))
+            .collect(),
         pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
         roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
         controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
@@ -709,7 +868,7 @@ pub(super) fn curves(
 fn trace(point: &TrimPoint) -> String {
     let mut text = format!(
         "{:.1} kt, interactions {}: {} steps a period\n",
-        Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
+        Kind::Airspeed.from_si(point.condition.horizontal_speed(), System::Us),
         on_off(point.interactions),
         point.steps
     );
@@ -732,42 +891,109 @@ fn trace(point: &TrimPoint) -> String {
     text
 }
 
-/// What did not trim and why.
+/// A condition in a few words.
+fn place(condition: &FlightCondition, system: System) -> String {
+    let shown = |kind: Kind, value: f64, digits: usize| {
+        format!("{:.digits$} {}", kind.from_si(value, system), kind.symbol(system))
+    };
+    let mut text = shown(Kind::Airspeed, condition.horizontal_speed(), 1);
+    if condition.climb_rate != 0.0 {
+        let rate = match system {
+            System::Us => format!("{:.0} ft/min", condition.climb_rate.abs() / (FOOT / 60.0)),
+            System::Si => shown(Kind::Velocity, condition.climb_rate.abs(), 2),
+        };
+        text += &format!(
+            ", {} {rate}",
+            if condition.climb_rate > 0.0 { "climbing" } else { "sinking" }
+        );
+    }
+    if condition.turn_rate != 0.0 {
+        text += &format!(", turning {:.1} deg/s", condition.turn_rate.to_degrees());
+    }
+    text
+}
+
+/// What did not trim and why, and trims that do not continue level flight.
 pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
     let mut text = String::new();
-    for points in sweeps {
-        for (index, point) in points.iter().enumerate() {
-            let place = format!(
-                "{:.1} kt, interactions {}",
-                Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
-                on_off(point.interactions)
-            );
-            match &point.status {
-                Status::Converged => {}
-                Status::BeyondLimits { controls } => {
-                    text += &format!(
-                        "{place}: trimmed, but beyond the limits of {}\n",
-                        controls.join(", ")
-                    );
-                }
-                Status::Failed { equations, binding, reason } => {
-                    text += &format!("{place}: no trim: {reason}\n");
-                    if !equations.is_empty() {
-                        text += &format!("  equations not met: {}\n", equations.join(", "));
-                    }
-                    if !binding.is_empty() {
-                        text += &format!("  limits that bind: {}\n", binding.join(", "));
-                    }
-                    let good = points[..index].iter().rev().find(|p| p.on_orbit());
-                    text += &match good {
-                        Some(good) => format!(
-                            "  last good point: {:.1} kt\n",
-                            Kind::Airspeed.from_si(good.condition.airspeed, System::Us)
-                        ),
-                        None => "  no point before it trimmed\n".to_owned(),
-                    };
-                }
+    for point in sweeps.iter().flatten() {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        match &point.status {
+            Status::Converged => {}
+            Status::BeyondLimits { controls } => {
+                text += &format!(
+                    "{place_of}: trimmed, but beyond the limits of {}\n",
+                    controls.join(", ")
+                );
             }
+            Status::Failed { equations, binding, reason } => {
+                text += &format!("{place_of}: no trim: {reason}\n");
+                if !equations.is_empty() {
+                    text += &format!("  equations not met: {}\n", equations.join(", "));
+                }
+                if !binding.is_empty() {
+                    text += &format!("  limits that bind: {}\n", binding.join(", "));
+                }
+                text += &match point.branch.last() {
+                    Some(last) => {
+                        format!(
+                            "  the last trim on the way from level flight: {}\n",
+                            place(&last, system)
+                        )
+                    }
+                    None => String::new(),
+                };
+            }
+        }
+    }
+    text
+}
+
+/// Trims that are not what the name promises at first sight.
+pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
+    let mut text = String::new();
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let remark = match mean.flow {
+                FlowState::VortexRing => {
+                    "in the vortex-ring state: its inflow is a mean by measurement, and thrust is \
+                     unsteady in flight"
+                }
+                FlowState::TurbulentWake => {
+                    "in the turbulent-wake state of descent: its inflow is a mean by measurement"
+                }
+                FlowState::Windmill | FlowState::Normal => continue,
+            };
+            text += &format!("{place_of}: {} is {remark}\n", rotor.name);
+        }
+        match &point.branch {
+            Branch::Folded { folds } => {
+                text += &format!(
+                    "{place_of}: the way from level flight folds {folds} times before it arrives; \
+                     conditions between the folds have more than one trim\n"
+                );
+            }
+            Branch::Separate { last } => {
+                text += &format!(
+                    "{place_of}: this trim does not continue level flight{}\n",
+                    last.map_or(String::new(), |last| format!(
+                        ", which ends at {}",
+                        place(&last, system)
+                    ))
+                );
+            }
+            _ => {}
         }
     }
     text
@@ -777,6 +1003,27 @@ pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
 mod tests {
     use super::*;
     use coaxdesign::units::KNOT;
+
+    #[test]
+    fn absurd_ranges_are_refused() {
+        for text in ["0:100:5e-324 kt", "0:1e-300:1e-320 kt", "0:600:1e-9kt"] {
+            let error = parse_speeds(text).unwrap_err().to_string();
+            assert!(error.contains("too many") || error.contains("positive"), "{text}: {error}");
+        }
+        let list = format!("{}1 kt", "1,".repeat(100_000));
+        assert!(parse_speeds(&list).unwrap_err().to_string().contains("too many"));
+    }
+
+    proptest::proptest! {
+        /// Any text is answered, with speeds that can be flown or with an error.
+        #[test]
+        fn any_text_is_answered(text in "[0-9:,. ekmtnaif/s-]{0,24}|\\PC{0,16}") {
+            if let Ok(speeds) = parse_speeds(&text) {
+                proptest::prop_assert!(speeds.iter().all(|v| v.is_finite() && *v >= 0.0));
+                proptest::prop_assert!(speeds.len() <= MOST_SPEEDS);
+            }
+        }
+    }
 
     #[test]
     fn speeds_in_every_form() {

@@ -1,22 +1,26 @@
 //! `coaxdesign tune-gains`.
 
 use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::args::{Format, FormatArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::designs::{Chosen, lock};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::design::Design;
 use coaxdesign::control::explain::{Explanation, Target};
 use coaxdesign::control::law::LawTable;
+use coaxdesign::control::misses::misses;
 use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
 use coaxdesign::control::verify::{Authority, Verdict, Verification};
 use coaxdesign::pipeline::{
-    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, verification_document,
+    PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
+    verification_document,
 };
 use coaxdesign::report::figures::{
     Curve, CurvePanel, ExclusionRegion, FrequencyResponse, MarginMap, Marks, SensitivityPanel,
@@ -35,8 +39,11 @@ pub struct Tune {
     #[command(flatten)]
     problem: ProblemArgs,
     #[command(flatten)]
+    models: ModelsArgs,
+    #[command(flatten)]
     spec: SpecArgs,
-    /// Directory for schedule.json and verification.json
+    /// Directory of the design: schedule.json, verification.json, and all that made them. A design
+    /// that is there keeps its aircraft and its specification unless others are named
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Replace files that are already there
@@ -85,7 +92,7 @@ impl AxisName {
 /// `--spec` and `--nominal-only`.
 #[derive(Debug, Clone, Args)]
 pub struct SpecArgs {
-    /// Specification file [default: the built-in Level 1 targets]
+    /// Specification file [default: that of the design in -o, else the built-in Level 1 targets]
     #[arg(long, value_name = "SPEC")]
     spec: Option<PathBuf>,
     /// Use only the first nominal model of the specification
@@ -99,13 +106,25 @@ impl SpecArgs {
         Self { spec, nominal_only: false }
     }
 
+    /// Whether a file is named.
+    pub(super) fn is_given(&self) -> bool {
+        self.spec.is_some()
+    }
+
     /// Reads the specification.
     pub(super) fn load(&self) -> Result<Requirements, CliError> {
-        let requirements = match &self.spec {
+        Ok(self.reduced(match &self.spec {
             None => Requirements::builtin()?,
-            Some(path) => Requirements::load(path)?,
-        };
-        Ok(if self.nominal_only { requirements.nominal_only() } else { requirements })
+            Some(path) => {
+                output::is_input(path);
+                Requirements::load(path)?
+            }
+        }))
+    }
+
+    /// A specification with the models that are asked for.
+    pub(super) fn reduced(&self, requirements: Requirements) -> Requirements {
+        if self.nominal_only { requirements.nominal_only() } else { requirements }
     }
 }
 
@@ -115,10 +134,31 @@ pub(super) fn usage(message: String, help: &str) -> CliError {
 }
 
 impl Tune {
+    /// The choices that shape the design, for its note.
+    fn options(&self) -> BTreeMap<String, String> {
+        let mut options = BTreeMap::new();
+        if !self.axes.is_empty() {
+            let axes: Vec<&str> = self.axes.iter().map(|a| a.channel().name()).collect();
+            options.insert("axis".into(), axes.join(","));
+        }
+        if self.spec.nominal_only {
+            options.insert("nominal-only".into(), "true".into());
+        }
+        options
+    }
+
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let requirements = self.spec.load()?;
+        let _lock = self.output.as_deref().map(lock).transpose()?;
+        let own = self.spec.load()?;
+        let mapping = &own.specification.models_from;
+        let quiet = self.run.quiet;
+        let set = self.models.load(&self.problem, mapping, &own.name, quiet)?;
+        let chosen = match &set {
+            Some(_) => None,
+            None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
+        };
+        let requirements = chosen.as_ref().map_or(&own, |chosen| &chosen.requirements);
         let system = self.units.system();
         let paths =
             self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
@@ -134,9 +174,15 @@ impl Tune {
             explain_all: self.explain,
         };
         let watch = Watch::new(self.run.quiet);
-        let tuned = tune(&loaded, &requirements, &options, &watch)?;
+        let tuned = match (&set, &chosen) {
+            (Some(set), _) => tune_models(set, requirements, &options, &watch)?,
+            (None, Some(chosen)) => tune(&chosen.loaded, requirements, &options, &watch)?,
+            (None, None) => {
+                return Err(CliError::Internal("there is neither aircraft nor model".into()));
+            }
+        };
         let spec = &requirements.specification;
-        let Tuned { schedule, design, nodes, verified, explanations } = &tuned;
+        let Tuned { design, nodes, verified, explanations, .. } = &tuned;
         if !self.run.quiet {
             output::note(&(effort(&design.tuning.stats) + "\n"));
         }
@@ -144,22 +190,25 @@ impl Tune {
         let prices = &design.tuning.prices;
         let json_text = || verification_text(verified, explanations, prices);
         if let Some(paths) = &paths {
-            std::fs::create_dir_all(&paths.directory)
-                .map_err(|source| CliError::Io { path: paths.directory.clone(), source })?;
-            let text = schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
-            output::write_whole(&paths.schedule, text.as_bytes(), self.force)?;
-            let text = json_text()?;
-            output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
+            let mut files = design_files(&tuned)?;
             if self.plot {
                 for (name, figure) in
                     figures(&design.table, nodes, spec, &verified.verification, system)?
                 {
-                    let path = paths.directory.join(format!("{name}.svg"));
-                    output::write_whole(&path, figure.to_svg().as_bytes(), self.force)?;
+                    files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
                 }
             }
+            match &chosen {
+                Some(chosen) => {
+                    let mut note = chosen.note();
+                    note.options = self.options();
+                    chosen.write(&paths.directory, &note, files, self.force)?;
+                }
+                // Models from elsewhere are no aircraft that could be kept.
+                None => output::write_set(&paths.directory, &files, self.force)?,
+            }
         }
-        match self.format.format {
+        match self.format.shown() {
             Format::Json => {
                 output::print(&json_text()?)?;
             }
@@ -168,7 +217,11 @@ impl Tune {
             }
             Format::Table => {
                 let coloring = Coloring::for_stdout();
-                let mut text = lag_text(design, system);
+                let mut text = format!(
+                    "aircraft {}, specification {}\n\n",
+                    tuned.schedule.name, requirements.name
+                );
+                text += &lag_text(design, system);
                 text += &gains_table(&design.table, system).to_text(coloring);
                 text.push('\n');
                 text += &report_text(&verified.verification, system, coloring);
@@ -178,6 +231,7 @@ impl Tune {
                     text += &prices_table(prices, system).to_text(coloring);
                 }
                 text += &explanations_text(explanations, system);
+                text += &misses_text(&verified.verification, system);
                 text += &left_out_text(&verified.left_out, system);
                 if let Some(paths) = &paths {
                     text += &format!("Wrote {}.\n", paths.directory.display());
@@ -191,6 +245,17 @@ impl Tune {
         }
         Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
     }
+}
+
+/// What a tuning leaves behind: `schedule.json` and `verification.json`.
+pub(super) fn design_files(tuned: &Tuned) -> Result<Vec<(String, Vec<u8>)>, CliError> {
+    let schedule = tuned.schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
+    let prices = &tuned.design.tuning.prices;
+    let verification = verification_text(&tuned.verified, &tuned.explanations, prices)?;
+    Ok(vec![
+        ("schedule.json".into(), schedule.into_bytes()),
+        ("verification.json".into(), verification.into_bytes()),
+    ])
 }
 
 /// Files of a design.
@@ -458,6 +523,11 @@ fn growing_table(v: &Verification, system: System) -> Table {
 
 /// What the steps ask for, by axis.
 pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
+    if checks.is_empty() {
+        return String::from(
+            "\nAuthority is not checked: linear models say nothing of the blades' limits.\n",
+        );
+    }
     let mut text = String::from("\nAuthority: what the step commands ask of the blades\n");
     for axis in Axis::ALL {
         let of: Vec<&Authority> = checks.iter().filter(|c| c.axis == axis.name()).collect();
@@ -509,7 +579,7 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
     for e in list {
         text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
         if e.attainable {
-            text += "all targets can be met. Prices in actuator activity:\n";
+            text += "this model alone can meet all targets here. Prices in actuator activity:\n";
             for t in &e.targets {
                 match t.price_percent {
                     Some(p) => {
@@ -538,6 +608,41 @@ pub(super) fn explanations_text(list: &[Explanation], system: System) -> String 
                 }
             }
         }
+    }
+    text
+}
+
+/// Every requirement that is missed: how far, where worst, and the key that
+/// asks for it.
+fn misses_text(verification: &Verification, system: System) -> String {
+    let found = misses(verification);
+    if found.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nMissed, worst first, with what these gains reach:\n");
+    for m in &found {
+        let class = match m.class {
+            ModelClass::Nominal => "nominal",
+            ModelClass::OffNominal => "off-nominal",
+        };
+        let place = if m.breakpoint { "at" } else { "between breakpoints, at" };
+        text += &format!(
+            "  {} {}: asked {:.3}, reached {:.3} {place} {} with model {}; {} of {} {class} rows. \
+             The key is {}",
+            m.axis,
+            m.requirement,
+            m.asked,
+            m.reached,
+            speed_text(m.speed, system),
+            m.model,
+            m.rows[0],
+            m.rows[1],
+            m.key
+        );
+        text += &match m.factor {
+            Some(factor) => format!(", times {factor:.3} to be met.\n"),
+            None => ".\n".into(),
+        };
     }
     text
 }

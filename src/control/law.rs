@@ -586,6 +586,7 @@ mod tests {
             attitude_damping: 0.8,
             yaw_time_constant: 0.5,
             heave_time_constant: 2.0,
+            notch: Default::default(),
         };
         let points = [0.0, 15.0, 35.0]
             .map(|speed| {

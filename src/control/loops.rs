@@ -24,6 +24,7 @@
 use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
 use super::plant::{Hardware, Inversion, Plant, PlantError};
 pub use crate::law::mdi::LawSettings;
+use crate::law::mdi::Notch;
 use crate::numerics::conic::AffineRow;
 use crate::units::STANDARD_GRAVITY as GRAVITY;
 use nalgebra::DMatrix;
@@ -37,6 +38,13 @@ const ONE: C = C::new(1.0, 0.0);
 pub fn attitude_command(settings: &LawSettings, axis: Axis, s: C) -> C {
     let wn = if axis == Axis::Roll { settings.roll_frequency } else { settings.pitch_frequency };
     wn * wn / (s * s + 2.0 * settings.attitude_damping * wn * s + wn * wn)
+}
+
+/// A notch filter at s.
+pub fn notch(notch: &Notch, s: C) -> C {
+    let (w, wide) = (notch.frequency, 2.0 * notch.damping * notch.frequency);
+    let even = s * s + w * w;
+    (even + wide * notch.depth * s) / (even + wide * s)
 }
 
 /// A four-vector of complex numbers.
@@ -158,7 +166,9 @@ impl FrequencyModel {
 /// Everything of the loops at one frequency that does not depend on gains.
 #[derive(Debug, Clone, Copy)]
 struct Point {
-    /// I + M F_κ X.
+    /// M N: the allocation of feedback behind the notch filters.
+    allocation: Matrix4c,
+    /// I + M N F_κ X.
     base: Matrix4c,
     /// Rows c_g X of each channel's gains K_D, K_P, K_I.
     rows: [[Row4; 3]; 6],
@@ -230,10 +240,21 @@ impl LoopModel {
         let kappa = self.settings.kappa;
         let (velocity, attitude) = inv.split_feedback();
         let f_kappa = attitude + velocity * kappa;
-        let inner = inv.allocation * f_kappa;
+        let notches = self.settings.notch.axes().map(|n| n.map_or(ONE, |n| notch(&n, s)));
+        let allocation: Matrix4c =
+            std::array::from_fn(|i| std::array::from_fn(|j| inv.allocation[(i, j)] * notches[j]));
+        let inner: [[C; 8]; 4] = std::array::from_fn(|i| {
+            std::array::from_fn(|k| {
+                (0..4).fold(ZERO, |sum, j| sum + allocation[i][j] * f_kappa[(j, k)])
+            })
+        });
         let mut base = [[ZERO; 4]; 4];
         for (i, row) in base.iter_mut().enumerate() {
-            *row = row_times(|k| inner[(i, k)], &x);
+            for (k, xk) in x.iter().enumerate() {
+                for (target, value) in row.iter_mut().zip(xk) {
+                    *target += inner[i][k] * value;
+                }
+            }
             row[i] += ONE;
         }
         let mut rows = [[[ZERO; 4]; 3]; 6];
@@ -261,18 +282,18 @@ impl LoopModel {
             let model = attitude_command(&self.settings, axis, s);
             command_reference[i] = model * delay;
             let acceleration = s * s * model;
-            // B_d⁻¹ (ν − F x_ref) + M F_κ x_ref.
-            let path = inv.allocation * f_kappa - inv.decoupling * inv.feedback;
+            // B_d⁻¹ (ν − F x_ref) + M N F_κ x_ref.
+            let less = inv.decoupling * inv.feedback;
             let reference = self.settings.hybrid_feedforward.then(|| self.ideal_states(omega, i));
             for (j, feed) in command_feed[i].iter_mut().enumerate() {
                 *feed = C::new(inv.decoupling[(j, i)], 0.0);
                 if let Some(x) = &reference {
-                    *feed += (0..8).fold(ZERO, |sum, k| sum + path[(j, k)] * x[k]);
+                    *feed += (0..8).fold(ZERO, |sum, k| sum + (inner[j][k] - less[(j, k)]) * x[k]);
                 }
                 *feed *= acceleration;
             }
         }
-        Point { base, rows, command_feed, command_reference }
+        Point { allocation, base, rows, command_feed, command_reference }
     }
 
     /// States of the reference model per unit of ν in output `i` (φ or θ), at ω.
@@ -294,16 +315,14 @@ impl LoopModel {
 
     /// Column through which a channel's rows act on the sticks, at a point.
     fn column(&self, p: &Point, omega: f64, gains: &GainSet, channel: Channel) -> Row4 {
-        let inv = &self.inversion.allocation;
-        if !channel.is_outer() {
-            let i = channel.axis().index();
-            return std::array::from_fn(|k| C::new(inv[(k, i)], 0.0));
-        }
         let i = channel.axis().index();
+        if !channel.is_outer() {
+            return std::array::from_fn(|k| p.allocation[k][i]);
+        }
         let s = C::new(0.0, omega);
         let k = gains[Channel::from(channel.axis()).index()];
         let error = (k.k_d * s + k.k_p + k.k_i / s) * p.command_reference[i];
-        std::array::from_fn(|r| p.command_feed[i][r] + inv[(r, i)] * error)
+        std::array::from_fn(|r| p.command_feed[i][r] + p.allocation[r][i] * error)
     }
 
     /// I + Λ at a point.
@@ -541,7 +560,7 @@ fn determinant_and_adjugate(m: &Matrix4c, b: &Row4) -> (C, Row4) {
 }
 
 /// Determinant by the 2 × 2 minors of the upper and lower row pairs.
-fn determinant(m: &Matrix4c) -> C {
+pub(super) fn determinant(m: &Matrix4c) -> C {
     let upper = |i: usize, j: usize| m[0][i] * m[1][j] - m[0][j] * m[1][i];
     let lower = |i: usize, j: usize| m[2][i] * m[3][j] - m[2][j] * m[3][i];
     upper(0, 1) * lower(2, 3) - upper(0, 2) * lower(1, 3)

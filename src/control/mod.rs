@@ -7,7 +7,8 @@
 //! * [`kite`]: the region around −1 that margins forbid.
 //! * [`tuning`]: gains by a sequence of conic programs.
 //! * [`spec`]: the specification file.
-//! * [`stability`]: closed-loop eigenvalues of the full order.
+//! * [`stability`]: closed-loop eigenvalues of the full order, as the tuning knows the loop.
+//! * [`closed_loop`]: the loop of the law as it is flown, read from its block diagram.
 //! * [`law`]: the law over speed, and stepping in discrete time.
 //! * [`models`]: from a problem to the plants of every model and speed.
 //! * [`verify`]: dense verification, authority, design margins.
@@ -16,12 +17,14 @@
 //! * [`testbed`]: plants from published matrices for tests and benchmarks.
 
 pub mod axis;
+pub mod closed_loop;
 pub mod design;
 pub mod explain;
 pub mod kite;
 pub mod law;
 pub mod loops;
 pub mod metrics;
+pub mod misses;
 pub mod models;
 pub mod plant;
 pub mod spec;

@@ -9,11 +9,9 @@ use super::axis::Channel;
 use super::metrics::from_decibels;
 use super::plant::{Hardware, ModelClass, ModelInfo};
 use super::tuning::{ChannelSpec, Targets, TuningOptions, default_grid};
-pub use crate::law::mdi::{LawSettings, TurnCoordination};
+pub use crate::law::mdi::{LawSettings, Notch, Notches, TurnCoordination};
 use crate::lti::mapping::{MODELS_FROM, Mapping};
-use crate::problem::keys::{
-    Key, Table, Value, above_below, above_to, default, from_to, optional, required,
-};
+use crate::problem::keys::{Key, Table, Value, above_below, default, from_to, optional, required};
 use crate::problem::read::{CheckedTable, Reader, read_text};
 use crate::problem::{Diagnostic, Report};
 use crate::units::Kind;
@@ -133,7 +131,7 @@ pub struct Comfort {
 }
 
 const fn frequency(low: &'static str, high: &'static str) -> Value {
-    Value::Quantity(Kind::Frequency, above_to(low, high))
+    Value::Quantity(Kind::Frequency, from_to(low, high))
 }
 
 const DECIBEL: Value = Value::Number(from_to("0", "40"));
@@ -197,7 +195,7 @@ static HARDWARE: Table = Table {
     keys: &[
         default(
             "actuator_bandwidth",
-            frequency("0 rad/s", "1000 rad/s"),
+            frequency("0.001 rad/s", "1000 rad/s"),
             "\"30 rad/s\"",
             "Natural frequency of the second-order actuators.",
         ),
@@ -210,13 +208,13 @@ static HARDWARE: Table = Table {
         default("delay", SECONDS, "\"35 ms\"", "Transport delay of computer and bus."),
         default(
             "sensor_bandwidth",
-            frequency("0 rad/s", "10000 rad/s"),
+            frequency("0.001 rad/s", "10000 rad/s"),
             "\"60 rad/s\"",
             "Bandwidth of the first-order sensor filters.",
         ),
         default(
             "pitch_rate_limit",
-            Value::Quantity(Kind::AngularRate, above_to("0 deg/s", "1000 deg/s")),
+            Value::Quantity(Kind::AngularRate, from_to("0.1 deg/s", "1000 deg/s")),
             "\"60 deg/s\"",
             "Largest rate of blade pitch, for the authority check.",
         ),
@@ -243,7 +241,7 @@ static MODEL: Table = Table {
         ),
         default(
             "mass_scale",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "1.0",
             "Factor on mass and inertia.",
         ),
@@ -286,7 +284,7 @@ static MARGIN_SET: Table = Table {
         required("phase_margin", PHASE, "Phase margin."),
         default(
             "drb_scale",
-            Value::Number(above_to("0", "2")),
+            Value::Number(from_to("0.01", "2")),
             "1.0",
             "Factor on the axis's disturbance rejection bandwidth.",
         ),
@@ -298,7 +296,7 @@ static MARGIN_SET: Table = Table {
         ),
         default(
             "crossover_scale",
-            Value::Number(above_to("0", "1")),
+            Value::Number(from_to("0.01", "1")),
             "1.0",
             "Factor on the axis's least crossover, and its inverse on the largest.",
         ),
@@ -310,20 +308,20 @@ static MARGIN_SET: Table = Table {
 const AXIS_KEYS: &[Key] = &[
     optional(
         "drb",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Least disturbance rejection bandwidth.",
     ),
     optional("drp_db", DECIBEL, "no requirement", "Largest disturbance rejection peak, dB."),
     optional(
         "crossover_min",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Least crossover frequency.",
     ),
     optional(
         "crossover_max",
-        frequency("0 rad/s", "100 rad/s"),
+        frequency("0.001 rad/s", "100 rad/s"),
         "no requirement",
         "Largest crossover frequency.",
     ),
@@ -341,7 +339,7 @@ const AXIS_KEYS: &[Key] = &[
     ),
     default(
         "priority",
-        Value::Number(above_to("0", "1000")),
+        Value::Number(from_to("0.000001", "1000")),
         "1.0",
         "Factor on the price of missing this axis's requirements.",
     ),
@@ -375,7 +373,7 @@ static OUTER_AXIS: Table = Table {
     keys: &[
         optional(
             "drb",
-            frequency("0 rad/s", "10 rad/s"),
+            frequency("0.001 rad/s", "10 rad/s"),
             "no requirement",
             "Least disturbance rejection bandwidth.",
         ),
@@ -394,7 +392,7 @@ static OUTER_AXIS: Table = Table {
         ),
         default(
             "priority",
-            Value::Number(above_to("0", "1000")),
+            Value::Number(from_to("0.000001", "1000")),
             "1.0",
             "Factor on the price of missing this loop's requirements.",
         ),
@@ -416,13 +414,13 @@ static COMMAND: Table = Table {
     keys: &[
         default(
             "roll_frequency",
-            frequency("0 rad/s", "20 rad/s"),
+            frequency("0.001 rad/s", "20 rad/s"),
             "\"2 rad/s\"",
             "Natural frequency of the roll command model.",
         ),
         default(
             "pitch_frequency",
-            frequency("0 rad/s", "20 rad/s"),
+            frequency("0.001 rad/s", "20 rad/s"),
             "\"2 rad/s\"",
             "Natural frequency of the pitch command model.",
         ),
@@ -434,13 +432,13 @@ static COMMAND: Table = Table {
         ),
         default(
             "yaw_time_constant",
-            Value::Quantity(Kind::Time, above_to("0 s", "20 s")),
+            Value::Quantity(Kind::Time, from_to("0.001 s", "20 s")),
             "\"0.5 s\"",
             "Time constant of the yaw rate command model.",
         ),
         default(
             "heave_time_constant",
-            Value::Quantity(Kind::Time, above_to("0 s", "20 s")),
+            Value::Quantity(Kind::Time, from_to("0.001 s", "20 s")),
             "\"2 s\"",
             "Time constant of the vertical velocity command model.",
         ),
@@ -458,13 +456,13 @@ static COMMAND: Table = Table {
         ),
         default(
             "yaw_step",
-            Value::Quantity(Kind::AngularRate, above_to("0 deg/s", "90 deg/s")),
+            Value::Quantity(Kind::AngularRate, from_to("0.001 deg/s", "90 deg/s")),
             "\"15 deg/s\"",
             "Yaw rate step of the authority check.",
         ),
         default(
             "heave_step",
-            Value::Quantity(Kind::ClimbRate, above_to("0 ft/min", "3000 ft/min")),
+            Value::Quantity(Kind::ClimbRate, from_to("0.001 ft/min", "3000 ft/min")),
             "\"300 ft/min\"",
             "Vertical velocity step of the authority check.",
         ),
@@ -477,7 +475,7 @@ static COMMAND: Table = Table {
         ),
         default(
             "turn_coordination_width",
-            Value::Quantity(Kind::Airspeed, above_to("0 kt", "100 kt")),
+            Value::Quantity(Kind::Airspeed, from_to("0.01 kt", "100 kt")),
             "\"10 kt\"",
             "Width of the smooth blend around that speed.",
         ),
@@ -492,14 +490,14 @@ static COMFORT: Table = Table {
         default("phase_margin", PHASE, "\"15 deg\"", "Phase margin."),
         default(
             "drb",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "0.25",
             "Disturbance rejection bandwidth, as a fraction of the requirement.",
         ),
         default("drp_db", DECIBEL, "2.0", "Disturbance rejection peak, dB."),
         default(
             "crossover",
-            Value::Number(above_to("0", "10")),
+            Value::Number(from_to("0.001", "10")),
             "0.25",
             "Crossover, as a fraction of the bound.",
         ),
@@ -518,7 +516,7 @@ static SOLVER: Table = Table {
         ),
         default(
             "highest_frequency",
-            frequency("0 rad/s", "1000 rad/s"),
+            frequency("0.001 rad/s", "1000 rad/s"),
             "\"60 rad/s\"",
             "Highest frequency of the tuning grid.",
         ),
@@ -536,12 +534,48 @@ static SOLVER: Table = Table {
     alternatives: &[],
 };
 
+static NOTCH: Table = Table {
+    doc: "A notch filter on what feedback asks of the axis.",
+    keys: &[
+        required(
+            "frequency",
+            frequency("0 rad/s", "1000 rad/s"),
+            "Frequency that is taken out, such as that of a structural mode.",
+        ),
+        default(
+            "damping",
+            Value::Number(from_to("0.01", "2")),
+            "0.5",
+            "Damping ratio: half the relative width.",
+        ),
+        default(
+            "depth",
+            Value::Number(from_to("0", "1")),
+            "0.1",
+            "Factor with which the frequency passes.",
+        ),
+    ],
+    alternatives: &[],
+};
+
+static NOTCHES: Table = Table {
+    doc: "Notch filters of the inner axes.",
+    keys: &[
+        optional("roll", Value::Table(&NOTCH), "no filter", "In roll."),
+        optional("pitch", Value::Table(&NOTCH), "no filter", "In pitch."),
+        optional("yaw", Value::Table(&NOTCH), "no filter", "In yaw."),
+        optional("heave", Value::Table(&NOTCH), "no filter", "In heave."),
+    ],
+    alternatives: &[],
+};
+
 /// The whole specification format.
 pub static ROOT: Table = Table {
     doc: "What the tuned control law must meet.",
     keys: &[
         required("schedule", Value::Table(&SCHEDULE), "Where the gains are scheduled."),
         default("inversion", Value::Table(&INVERSION), "{}", "How the model is inverted."),
+        optional("notch", Value::Table(&NOTCHES), "no filters", "Notch filters."),
         default("hardware", Value::Table(&HARDWARE), "{}", "From measurement to blade pitch."),
         optional(
             "models_from",
@@ -802,6 +836,17 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
             attitude_damping: command.number("attitude_damping")?,
             yaw_time_constant: command.number("yaw_time_constant")?,
             heave_time_constant: command.number("heave_time_constant")?,
+            notch: root.table("notch").map_or_else(Notches::default, |filters| {
+                let of = |axis: &str| {
+                    let t = filters.table(axis)?;
+                    Some(Notch {
+                        frequency: t.number("frequency")?,
+                        damping: t.number("damping")?,
+                        depth: t.number("depth")?,
+                    })
+                };
+                Notches { roll: of("roll"), pitch: of("pitch"), yaw: of("yaw"), heave: of("heave") }
+            }),
         },
         automatic_reference_delay: reference_delay.is_none(),
         hardware: Hardware {

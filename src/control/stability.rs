@@ -1,4 +1,4 @@
-//! Closed-loop eigenvalues of the full-order system.
+//! Closed-loop eigenvalues of the full-order system as the tuning knows it.
 //!
 //! The whole loop as one matrix: plant, actuators, delay (Padé), sensor
 //! filters, integrators, and for the outer loops command models, delayed
@@ -19,31 +19,36 @@ use num_complex::Complex64 as C;
 pub const PADE_ORDER: usize = 4;
 
 /// A signal as a linear combination of all states.
-type Signal = Vec<f64>;
+pub(super) type Signal = Vec<f64>;
 
 /// Closed-loop system matrix under construction.
-struct Builder {
+pub(super) struct Builder {
     n: usize,
     next: usize,
-    a: DMatrix<f64>,
+    /// The matrix so far.
+    pub(super) a: DMatrix<f64>,
 }
 
 impl Builder {
-    fn states(&mut self, count: usize) -> usize {
+    /// Room for so many states.
+    pub(super) fn new(n: usize) -> Self {
+        Self { n, next: 0, a: DMatrix::zeros(n, n) }
+    }
+    pub(super) fn states(&mut self, count: usize) -> usize {
         let first = self.next;
         self.next += count;
         first
     }
-    fn state(&self, k: usize) -> Signal {
+    pub(super) fn state(&self, k: usize) -> Signal {
         let mut s = vec![0.0; self.n];
         s[k] = 1.0;
         s
     }
-    fn zero(&self) -> Signal {
+    pub(super) fn zero(&self) -> Signal {
         vec![0.0; self.n]
     }
     /// Adds `by`·signal to the derivative of a state.
-    fn feed(&mut self, state: usize, by: f64, signal: &Signal) {
+    pub(super) fn feed(&mut self, state: usize, by: f64, signal: &Signal) {
         for (j, v) in signal.iter().enumerate() {
             self.a[(state, j)] += by * v;
         }
@@ -54,7 +59,12 @@ impl Builder {
         self.state(k)
     }
     /// A second-order lag; also its rate and acceleration.
-    fn second_order(&mut self, frequency: f64, damping: f64, input: &Signal) -> [Signal; 3] {
+    pub(super) fn second_order(
+        &mut self,
+        frequency: f64,
+        damping: f64,
+        input: &Signal,
+    ) -> [Signal; 3] {
         let k = self.states(2);
         let (x, v) = (self.state(k), self.state(k + 1));
         let mut acceleration = self.zero();
@@ -66,7 +76,7 @@ impl Builder {
         [x, v, acceleration]
     }
     /// Padé approximation of order (m, m) of a delay.
-    fn delay(&mut self, time: f64, order: usize, input: &Signal) -> Signal {
+    pub(super) fn delay(&mut self, time: f64, order: usize, input: &Signal) -> Signal {
         if time == 0.0 || order == 0 {
             return input.clone();
         }
@@ -103,7 +113,7 @@ impl Builder {
     }
 }
 
-fn add(target: &mut Signal, by: f64, signal: &Signal) {
+pub(super) fn add(target: &mut Signal, by: f64, signal: &Signal) {
     for (t, v) in target.iter_mut().zip(signal) {
         *t += by * v;
     }
@@ -121,8 +131,11 @@ pub fn closed_loop_matrix(
 ) -> DMatrix<f64> {
     let np = plant.a.nrows();
     let outer = [Channel::Vy, Channel::Vx].iter().any(|c| gains[c.index()].array() != [0.0; 3]);
-    let total = np + 4 * (2 + order + 1) + 4 + if outer { 2 + 4 + 2 * order + 4 + 2 } else { 0 };
-    let mut b = Builder { n: total, next: 0, a: DMatrix::zeros(total, total) };
+    let notches = settings.notch.axes();
+    let filters = 2 * notches.iter().flatten().count();
+    let total =
+        filters + np + 4 * (2 + order + 1) + 4 + if outer { 2 + 4 + 2 * order + 4 + 2 } else { 0 };
+    let mut b = Builder::new(total);
     let x0 = b.states(np);
     for i in 0..np {
         for j in 0..np {
@@ -232,6 +245,11 @@ pub fn closed_loop_matrix(
     for (i, signal) in nu.iter_mut().enumerate() {
         let f = combine(&b, &|j| f_kappa[(i, j)]);
         add(signal, -1.0, &f);
+        if let Some(notch) = notches[i] {
+            let [_, rate, _] = b.second_order(notch.frequency, notch.damping, signal);
+            let blocked = 2.0 * notch.damping * (1.0 - notch.depth) / notch.frequency;
+            add(signal, -blocked, &rate);
+        }
     }
     for j in 0..4 {
         let own = b.state(command + j);
@@ -328,6 +346,7 @@ mod tests {
             attitude_damping: 0.8,
             yaw_time_constant: 0.5,
             heave_time_constant: 2.0,
+            notch: Default::default(),
         };
         for speed in [0.0, 25.0] {
             let plant = testbed::plant(speed, &testbed::NOMINAL);
@@ -408,11 +427,7 @@ mod tests {
     fn val_delay_reaches_the_critical_gain() {
         let t = 0.2;
         let growth_at = |k: f64| {
-            let mut b = Builder {
-                n: 1 + PADE_ORDER,
-                next: 0,
-                a: DMatrix::zeros(1 + PADE_ORDER, 1 + PADE_ORDER),
-            };
+            let mut b = Builder::new(1 + PADE_ORDER);
             let x = b.states(1);
             let input = b.state(x);
             let late = b.delay(t, PADE_ORDER, &input);

@@ -7,9 +7,12 @@
 //! normalised output, 1 for 100 %. Couplings, the F terms, the command models
 //! and the trims are not in them; they are in the Lua tables, for a script.
 
+use super::code::{self, Form, Language};
 use super::text::{comment, fill, number, quoted};
 use super::{ExportError, File, Input, Precision};
 use crate::control::axis::{Axis, Channel};
+use crate::law::diagram::Function;
+use crate::law::{Kind, Wire};
 use crate::units::KNOT;
 
 const SCRIPT: &str = include_str!("templates/schedule.lua");
@@ -117,6 +120,65 @@ fn parameters(input: &Input) -> Result<String, ExportError> {
     Ok(text)
 }
 
+struct Lua;
+
+impl Language for Lua {
+    fn number(&self, value: f64) -> String {
+        number(value, Precision::Double)
+    }
+    fn constant(&self, name: &str) -> String {
+        format!("c.{name}")
+    }
+    fn entry(&self, place: usize) -> String {
+        let (table, row, column, _) = code::cell(place);
+        format!("v.{table}[{row}][{column}]")
+    }
+    fn input(&self, name: &str) -> String {
+        name.into()
+    }
+    fn function(&self, f: Function, x: &str) -> String {
+        match f {
+            Function::Sine => format!("math.sin({x})"),
+            Function::Cosine => format!("math.cos({x})"),
+            Function::ArcTangent => format!("math.atan({x})"),
+            Function::Absolute => format!("math.abs({x})"),
+        }
+    }
+    fn select(&self, condition: &str, yes: &str, no: &str) -> String {
+        format!("{condition} and {yes} or {no}")
+    }
+    fn limit(&self, x: &str, low: &str, high: &str) -> String {
+        format!("math.min(math.max({x}, {low}), {high})")
+    }
+    fn above(&self, a: &str, b: &str) -> String {
+        format!("{a} > {b}")
+    }
+    fn join(&self, all: bool, list: &[String]) -> String {
+        list.join(if all { " and " } else { " or " })
+    }
+    fn not(&self, x: &str) -> String {
+        format!("not {x}")
+    }
+    // A part without memory is all that the script runs.
+    fn stored(&self, name: &str) -> String {
+        format!("memory.{name}")
+    }
+    fn delayed(&self, name: &str) -> String {
+        format!("lines.{name}[1]")
+    }
+    fn part(&self, name: &str, index: usize) -> String {
+        format!("{name}[{}]", index + 1)
+    }
+}
+
+/// The weight of turn coordination, from the law's own blocks.
+fn turn_blend(input: &Input) -> String {
+    let blend = super::diagram(input, false).only(&["turn_blend"]);
+    let define = |name: &str, _: bool| format!("local {name} = ");
+    let form = Form { indent: "    ", comment: ["-- ", ""], define: &define, end: "" };
+    code::lines(&blend, &Lua, &form, &|w: Wire| !matches!(blend.block(w).kind, Kind::Input))
+}
+
 fn script(input: &Input) -> String {
     let d = input.description;
     let real = |x: f64| number(x, Precision::Double);
@@ -152,6 +214,7 @@ fn script(input: &Input) -> String {
             ("CONSTANTS", &constants),
             ("SPEEDS", &join(d.speed.values.iter().map(|x| real(*x)).collect())),
             ("TABLES", &tables),
+            ("TURN_BLEND", &turn_blend(input)),
             ("P", &input.options.name),
         ],
     )

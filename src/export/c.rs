@@ -1,41 +1,14 @@
 //! The whole law in C99: a header and a source, no allocation, no globals but
 //! constants, no more of the library than `sin`, `cos`, `atan`, `isfinite`.
 
+use super::code::{self, Form, Language};
 use super::text::{Flat, comment, fill, list, number};
 use super::{File, Input, Precision, delay_steps};
+use crate::law::diagram::Function;
+use crate::law::{Diagram, Kind};
 
 const HEADER: &str = include_str!("templates/law.h");
 const SOURCE: &str = include_str!("templates/law.c");
-const HYBRID: &str = include_str!("templates/hybrid.c");
-const LIFT: &str = include_str!("templates/lift.c");
-/// Sticks of commanded and fed-back accelerations.
-const DELTA: &str = "dot(&p[@U@_DECOUPLING + (4u * j)], commanded, 4u)
-            + dot(&p[@U@_ALLOCATION + (4u * j)], nu, 4u)";
-
-/// Constants of the description that the code needs, and their names there.
-pub(super) const CONSTANTS: [(&str, &str); 21] = [
-    ("KAPPA", "kappa"),
-    ("ROLL_FREQUENCY", "roll_frequency"),
-    ("PITCH_FREQUENCY", "pitch_frequency"),
-    ("ATTITUDE_DAMPING", "attitude_damping"),
-    ("YAW_TIME_CONSTANT", "yaw_time_constant"),
-    ("HEAVE_TIME_CONSTANT", "heave_time_constant"),
-    ("TURN_SPEED", "turn_coordination_speed"),
-    ("TURN_WIDTH", "turn_coordination_width"),
-    ("GRAVITY", "gravity"),
-    ("ATTITUDE_LIMIT", "attitude_limit"),
-    ("OUTER_SLOWNESS", "outer_slowness"),
-    ("ACCELERATION_LIMIT", "acceleration_limit"),
-    ("SCHEDULE_LEAD", "schedule_lead"),
-    ("FORGETTING", "forgetting"),
-    ("YAW_LEAD", "yaw_lead"),
-    ("SLOW", "slow"),
-    ("PEDAL_YAW_GROWTH", "pedal_yaw_growth"),
-    ("COLLECTIVE_PITCH_GROWTH", "collective_pitch_growth"),
-    ("PEDAL_PITCH_GROWTH", "pedal_pitch_growth"),
-    ("PEDAL_POWER_MIN", "pedal_power_min"),
-    ("PEDAL_POWER_MAX", "pedal_power_max"),
-];
 
 /// A number as a C constant.
 fn literal(value: f64, precision: Precision) -> String {
@@ -53,6 +26,113 @@ pub(super) fn files(input: &Input) -> Vec<File> {
     vec![File::text(format!("{name}_law.h"), header), File::text(format!("{name}_law.c"), source)]
 }
 
+struct C<'a> {
+    precision: Precision,
+    upper: &'a str,
+}
+
+impl Language for C<'_> {
+    fn number(&self, value: f64) -> String {
+        literal(value, self.precision)
+    }
+    fn constant(&self, name: &str) -> String {
+        name.to_uppercase()
+    }
+    fn entry(&self, place: usize) -> String {
+        let (table, _, _, k) = code::cell(place);
+        format!("table[{}_{} + {k}u]", self.upper, table.to_uppercase())
+    }
+    fn input(&self, name: &str) -> String {
+        let member = |at: &str| format!("m->{at}");
+        match name {
+            "u" => member("velocity_body[0]"),
+            "v" => member("velocity_body[1]"),
+            "w" => member("velocity_body[2]"),
+            "p" => member("rates[0]"),
+            "q" => member("rates[1]"),
+            "r" => member("rates[2]"),
+            "phi" => member("roll"),
+            "theta" => member("pitch"),
+            "airspeed" => member("airspeed"),
+            "velocity_mode" => format!("(demand->mode == {}_VELOCITY) ? 1u : 0u", self.upper),
+            "command_1" => "demand->horizontal[0]".into(),
+            "command_2" => "demand->horizontal[1]".into(),
+            "heading_rate" => "demand->heading_rate".into(),
+            "v_z_command" => "demand->vertical_velocity".into(),
+            "engaging" => "(given != NULL) ? 1u : 0u".into(),
+            given => {
+                let k = ["lat", "lon", "col", "ped"].iter().position(|s| given.ends_with(s));
+                let k = k.unwrap_or(0);
+                format!("(given != NULL) ? given[{k}] : {}", self.number(0.0))
+            }
+        }
+    }
+    fn function(&self, f: Function, x: &str) -> String {
+        let suffix = if self.precision == Precision::Float { "f" } else { "" };
+        match f {
+            Function::Sine => format!("sin{suffix}({x})"),
+            Function::Cosine => format!("cos{suffix}({x})"),
+            Function::ArcTangent => format!("atan{suffix}({x})"),
+            Function::Absolute => format!("({x} < {}) ? -{x} : {x}", self.number(0.0)),
+        }
+    }
+    fn select(&self, condition: &str, yes: &str, no: &str) -> String {
+        // A comparison stands in brackets; a logical number does not.
+        if condition.starts_with('(') {
+            format!("{condition} ? {yes} : {no}")
+        } else {
+            format!("({condition} != 0u) ? {yes} : {no}")
+        }
+    }
+    fn limit(&self, x: &str, low: &str, high: &str) -> String {
+        format!("held({x}, {low}, {high})")
+    }
+    fn above(&self, a: &str, b: &str) -> String {
+        format!("{a} > {b}")
+    }
+    fn join(&self, all: bool, list: &[String]) -> String {
+        let list: Vec<String> = list.iter().map(|x| format!("({x} != 0u)")).collect();
+        list.join(if all { " && " } else { " || " })
+    }
+    fn not(&self, x: &str) -> String {
+        format!("{x} == 0u")
+    }
+    fn logical(&self, comparison: &str) -> String {
+        format!("({comparison}) ? 1u : 0u")
+    }
+    fn stored(&self, name: &str) -> String {
+        format!("state->{name}")
+    }
+    fn delayed(&self, name: &str) -> String {
+        format!("state->{name}[state->oldest]")
+    }
+    fn before(&self, block: &str, kind: &Kind, operands: &[String]) -> Option<String> {
+        match kind {
+            Kind::Delay { .. } => Some(format!(
+                "if ({} != 0u) {{\n    fill(state->{block}, {});\n}}",
+                operands[0], operands[1]
+            )),
+            Kind::Solve { .. } => {
+                let (matrix, right) = operands.split_at(16);
+                let rows: Vec<String> =
+                    matrix.chunks(4).map(|row| format!("    {{ {} }},", row.join(", "))).collect();
+                Some(format!(
+                    "real {block}_matrix[4][4] = {{\n{}\n}};\nreal {block}[4] = {{ {} }};\n\
+                     if (solve({block}_matrix, {block}) == 0u) {{\n    for (unsigned int i = 0u; i \
+                     < 4u; i++) {{\n        {block}[i] = {};\n    }}\n}}",
+                    rows.join("\n"),
+                    right.join(", "),
+                    self.number(0.0)
+                ))
+            }
+            _ => None,
+        }
+    }
+    fn part(&self, name: &str, index: usize) -> String {
+        format!("{name}[{index}]")
+    }
+}
+
 /// The texts of both.
 pub(super) fn texts(input: &Input) -> (String, String) {
     let (d, o) = (input.description, input.options);
@@ -60,6 +140,7 @@ pub(super) fn texts(input: &Input) -> (String, String) {
     let reals = |x: &[f64]| x.iter().map(|v| real(*v)).collect::<Vec<_>>();
     let flat = Flat::new(input);
     let upper = o.name.to_uppercase();
+    let diagram = super::diagram(input, true);
     let mut places = String::new();
     for p in &flat.places {
         let size = format!("{} x {}", p.rows, p.columns);
@@ -71,16 +152,12 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         );
     }
     let mut constants = String::new();
-    let fed = input.schedule.law.hybrid_feedforward;
-    for (name, key) in CONSTANTS.iter().filter(|c| fed || !c.0.ends_with("PITCH_GROWTH")) {
-        if let Some(c) = d.constants.iter().find(|c| c.name == *key) {
-            constants += &format!(
-                "static const real {name} = {}; /* {}, {} */\n",
-                real(c.value),
-                c.unit,
-                c.meaning
-            );
-        }
+    for (name, unit, meaning, value) in code::constants(&diagram) {
+        constants += &format!(
+            "static const real {} = {}; /* {unit}, {meaning} */\n",
+            name.to_uppercase(),
+            real(value)
+        );
     }
     let limits: String = input
         .schedule
@@ -94,21 +171,56 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         table += &list(&reals(values), "        ", 96);
         table += "    },\n";
     }
-    let suffix = if o.precision == Precision::Float { "f" } else { "" };
-    // Without the hybrid feed-forward nothing of it is written, so that no
-    // compiler finds what is not used.
-    let [hybrid, lift, lifting] = if input.schedule.law.hybrid_feedforward {
-        [HYBRID, LIFT, "    real lifting = @ZERO@;\n"]
-    } else {
-        [""; 3]
+    let language = C { precision: o.precision, upper: &upper };
+    let define = |name: &str, logical: bool| {
+        format!("const {} {name} = ", if logical { "unsigned int" } else { "real" })
     };
-    let less = if hybrid.is_empty() {
-        ""
-    } else {
-        "\n            - (p[@U@_DECOUPLING + (4u * j) + PITCH] * lifting)"
-    };
+    let form = |indent| Form { indent, comment: ["/* ", " */"], define: &define, end: ";" };
+    let only_engaging = diagram.only_engaging();
+    let looked_up = format!("    {}_at(schedule, table);\n", o.name);
+    let blocks = code::lines(&diagram, &language, &form("    "), &|w| !only_engaging[w.0]);
+    let blocks = after_line(&blocks, "const real schedule = ", &looked_up);
+    let engaging = code::lines(&diagram, &language, &form("        "), &|w| only_engaging[w.0]);
+    let (mut reset, mut members, mut hold, mut store) =
+        (String::new(), String::new(), String::new(), String::new());
+    for [name, next, engaged] in code::stores(&diagram, &language) {
+        reset += &format!("    state->{name} = {};\n", real(0.0));
+        members += &member(&diagram, &o.name, &name, "");
+        hold += &format!("        state->{name} = {engaged};\n");
+        store += &format!("        state->{name} = {next};\n");
+    }
+    let mut reset_lines = String::new();
+    for [name, entering] in code::feeds(&diagram, &language) {
+        reset_lines += &format!("        state->{name}[k] = {};\n", real(0.0));
+        members += &member(&diagram, &o.name, &name, &format!("[{upper}_LINE]"));
+        store += &format!("        state->{name}[state->oldest] = {entering};\n");
+    }
+    store += &format!(
+        "        state->oldest = ((state->oldest + 1u) == {upper}_LINE) ? 0u : (state->oldest + \
+         1u);\n"
+    );
+    let sticks: String = diagram
+        .outputs
+        .iter()
+        .enumerate()
+        .map(|(j, w)| {
+            format!("    state->sticks[{j}] = {};\n", code::operand(&diagram, &language, *w))
+        })
+        .collect();
+    let blend = diagram.only(&["turn_blend"]);
+    let chosen = |w: crate::law::Wire| !matches!(blend.block(w).kind, Kind::Input);
+    let turn_blend = code::lines(&blend, &language, &form("    "), &chosen);
     let warnings: Vec<String> = d.warnings.iter().map(|w| format!("WARNING: {w}")).collect();
-    let mut values: Vec<(&str, String)> = vec![
+    let values: Vec<(&str, String)> = vec![
+        ("BLOCKS", blocks),
+        ("ENGAGING", engaging),
+        ("HOLD", hold),
+        ("STORE", store),
+        ("STICKS", sticks),
+        ("RESET_LINES", reset_lines),
+        ("RESET", reset),
+        ("MEMBERS", members),
+        ("TURN_BLEND", turn_blend),
         ("BANNER", comment(&d.banner(), " * ", 96)),
         ("WARNINGS", comment(&warnings, " * ", 96)),
         ("PLACES", places),
@@ -121,23 +233,34 @@ pub(super) fn texts(input: &Input) -> (String, String) {
         ("NB", d.speed.values.len().to_string()),
         ("NV", flat.count().to_string()),
         ("ND", delay_steps(input).to_string()),
+        ("NL", code::line_steps(&diagram).to_string()),
         ("ZERO", real(0.0)),
-        ("HALF", real(0.5)),
         ("ONE", real(1.0)),
-        ("TWO", real(2.0)),
-        ("THREE", real(3.0)),
-        ("SIN", format!("sin{suffix}")),
-        ("COS", format!("cos{suffix}")),
-        ("ATAN", format!("atan{suffix}")),
         ("U", upper.clone()),
         ("P", o.name.clone()),
     ];
-    // Parts of the templates, filled first since they hold keys themselves.
-    let delta = format!("{DELTA}{less}");
-    let parts = [("HYBRID", hybrid), ("LIFT", lift), ("LIFTING", lifting), ("DELTA", &delta)];
-    let known: Vec<(&str, &str)> = values.iter().map(|(k, v)| (*k, v.as_str())).collect();
-    let parts = parts.map(|(key, part)| (key, fill(part, &known)));
-    values.extend(parts);
     let values: Vec<(&str, &str)> = values.iter().map(|(k, v)| (*k, v.as_str())).collect();
     (fill(HEADER, &values), fill(SOURCE, &values))
+}
+
+/// A line put behind the one that begins so.
+pub(super) fn after_line(text: &str, begin: &str, more: &str) -> String {
+    let mut out = String::new();
+    let mut inside = false;
+    for line in text.lines() {
+        out += line;
+        out.push('\n');
+        inside |= line.trim_start().starts_with(begin);
+        if inside && line.ends_with(';') {
+            out += more;
+            inside = false;
+        }
+    }
+    out
+}
+
+fn member(diagram: &Diagram, prefix: &str, name: &str, size: &str) -> String {
+    let block = diagram.find(name).map(|w| diagram.block(w));
+    let (unit, meaning) = block.map_or(("", ""), |b| (b.unit, b.comment.as_str()));
+    format!("    {prefix}_real {name}{size}; /* {unit}, {meaning} */\n")
 }

@@ -15,7 +15,9 @@ use crate::control::law::{
 };
 use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
+use crate::law::mdi::{Notch, Notches};
 use crate::law::tables::{Label, STICKS};
+use crate::problem::visible;
 use crate::schedule::{self, Matrices, Point, Provenance, Schedule, ScheduleError};
 use crate::units::STANDARD_GRAVITY;
 
@@ -160,14 +162,49 @@ const CONSTANTS: [(&str, &str, &str); 35] = [
     ("sensor_bandwidth", "rad/s", "hardware it was tuned for: sensor filters"),
 ];
 
+/// Names, units and meanings of the constants of notch filters: a law has those
+/// of the axes that have one.
+const NOTCHES: [(&str, &str, &str); 12] = [
+    ("notch_roll_frequency", "rad/s", "frequency that the notch in roll takes out"),
+    ("notch_roll_damping", "1", "damping ratio of the notch in roll"),
+    ("notch_roll_depth", "1", "factor with which its frequency passes"),
+    ("notch_pitch_frequency", "rad/s", "frequency that the notch in pitch takes out"),
+    ("notch_pitch_damping", "1", "damping ratio of the notch in pitch"),
+    ("notch_pitch_depth", "1", "factor with which its frequency passes"),
+    ("notch_yaw_frequency", "rad/s", "frequency that the notch in yaw takes out"),
+    ("notch_yaw_damping", "1", "damping ratio of the notch in yaw"),
+    ("notch_yaw_depth", "1", "factor with which its frequency passes"),
+    ("notch_heave_frequency", "rad/s", "frequency that the notch in heave takes out"),
+    ("notch_heave_damping", "1", "damping ratio of the notch in heave"),
+    ("notch_heave_depth", "1", "factor with which its frequency passes"),
+];
+
+/// The constants of notch filters without their values.
+pub(super) fn notch_forms() -> impl Iterator<Item = Constant> {
+    NOTCHES.iter().map(|&(name, unit, meaning)| Constant {
+        name: name.into(),
+        unit: unit.into(),
+        value: 0.0,
+        meaning: meaning.into(),
+    })
+}
+
+/// Value of a constant of a notch filter; `None` where the axis has none.
+fn notch_constant(notches: &Notches, name: &str) -> Option<f64> {
+    let axes = [notches.roll, notches.pitch, notches.yaw, notches.heave];
+    let k = NOTCHES.iter().position(|n| n.0 == name)?;
+    let notch = axes[k / 3]?;
+    Some([notch.frequency, notch.damping, notch.depth][k % 3])
+}
+
 /// Names of the constants.
 pub(super) fn constant_names() -> impl Iterator<Item = &'static str> {
-    CONSTANTS.iter().map(|c| c.0)
+    CONSTANTS.iter().chain(&NOTCHES).map(|c| c.0)
 }
 
 /// Unit of a constant, if there is one of this name.
 pub(super) fn constant_unit(name: &str) -> Option<&'static str> {
-    CONSTANTS.iter().find(|c| c.0 == name).map(|c| c.1)
+    CONSTANTS.iter().chain(&NOTCHES).find(|c| c.0 == name).map(|c| c.1)
 }
 
 /// The constants without their values.
@@ -201,7 +238,7 @@ pub const DERIVED: [&str; 3] =
     ["pedal_yaw_growth", "collective_pitch_growth", "pedal_pitch_growth"];
 
 /// How to read and run the tables.
-const RULES: [(&str, &str); 11] = [
+const RULES: [(&str, &str); 12] = [
     (
         "interpolation",
         "element by element, linear in true airspeed: (1 - t) a + t b with \
@@ -230,6 +267,12 @@ const RULES: [(&str, &str); 11] = [
         "nu_c = reference'' (phi, theta), reference' (r, V_z); nu_e = k_d (reference'(t - \
          reference_delay) - measured') + k_p e + k_i int(e), e = reference(t - reference_delay) - \
          measured",
+    ),
+    (
+        "notch",
+        "an axis with notch_AXIS_frequency w, notch_AXIS_damping z and notch_AXIS_depth d has what \
+         feedback asks of it, nu_e - F_k (x - x_ref), filtered by (s^2 + 2 z d w s + w^2) / (s^2 + \
+         2 z w s + w^2)",
     ),
     (
         "velocity_loops",
@@ -323,12 +366,17 @@ impl Description {
             .collect();
         let constants = constant_forms()
             .map(|c| Constant { value: constant(schedule, &off_trim, &c.name), ..c })
+            .chain(notch_forms().filter_map(|c| {
+                let value = notch_constant(&schedule.law.notch, &c.name)?;
+                Some(Constant { value, ..c })
+            }))
             .collect();
         let description = Self {
             schema: SCHEMA.into(),
             name: schedule.name.clone(),
             requirements_met: schedule.requirements_met,
-            warnings,
+            // They may quote what a file says.
+            warnings: warnings.iter().map(|text| visible(text, false)).collect(),
             provenance: schedule.provenance.clone(),
             rules: RULES.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect(),
             speed: Speed {
@@ -354,7 +402,7 @@ impl Description {
         }
         unit("speed", &self.speed.unit, "m/s")?;
         for c in &self.constants {
-            let Some(known) = CONSTANTS.iter().find(|k| k.0 == c.name) else {
+            let Some(known) = CONSTANTS.iter().chain(&NOTCHES).find(|k| k.0 == c.name) else {
                 return Err(DescriptionError::Unknown(format!("constant '{}'", c.name)));
             };
             unit(&c.name, &c.unit, known.1)?;
@@ -394,6 +442,12 @@ impl Description {
             attitude_damping: c("attitude_damping")?,
             yaw_time_constant: c("yaw_time_constant")?,
             heave_time_constant: c("heave_time_constant")?,
+            notch: Notches {
+                roll: self.notch("roll")?,
+                pitch: self.notch("pitch")?,
+                yaw: self.notch("yaw")?,
+                heave: self.notch("heave")?,
+            },
         };
         let schedule = Schedule {
             schema: schedule::SCHEMA.into(),
@@ -415,6 +469,7 @@ impl Description {
             points,
         };
         schedule.law()?;
+        schedule.check().map_err(ScheduleError::Findings)?;
         Ok(schedule)
     }
 
@@ -428,6 +483,31 @@ impl Description {
             .find(|c| c.name == name)
             .map(|c| c.value)
             .ok_or_else(|| DescriptionError::Missing(format!("constant '{name}'")))
+    }
+
+    /// The notch filter of an axis, if it has one.
+    fn notch(&self, axis: &str) -> Result<Option<Notch>, DescriptionError> {
+        let prefix = format!("notch_{axis}_");
+        if !self.constants.iter().any(|c| c.name.starts_with(&prefix)) {
+            return Ok(None);
+        }
+        let c = |what: &str| self.constant(&format!("{prefix}{what}"));
+        let notch =
+            Notch { frequency: c("frequency")?, damping: c("damping")?, depth: c("depth")? };
+        for (what, value, sound, must) in [
+            ("frequency", notch.frequency, notch.frequency > 0.0, "positive"),
+            ("damping", notch.damping, notch.damping > 0.0, "positive"),
+            ("depth", notch.depth, (0.0..=1.0).contains(&notch.depth), "from 0 to 1"),
+        ] {
+            if !sound {
+                return Err(DescriptionError::Value {
+                    name: format!("{prefix}{what}"),
+                    value,
+                    must,
+                });
+            }
+        }
+        Ok(Some(notch))
     }
 
     /// A table by name.

@@ -15,6 +15,7 @@ use super::description::{self, DERIVED, Description, DescriptionError, FIXED, FO
 use crate::control::axis::Channel;
 use crate::control::law::LawTable;
 use crate::linear::mat::{self, MatError, Variable};
+use crate::problem::{LONGEST_LINE, visible};
 use crate::schedule::{self, Provenance, Schedule, ScheduleError};
 use crate::units::{Kind, parse_quantity};
 
@@ -619,17 +620,32 @@ fn complete(
         }
         constants.push(c);
     }
+    // A law need not have notch filters: what is not there is not missed.
+    for mut c in description::notch_forms() {
+        let given = partial.constants.get(&c.name).copied();
+        let before = resampled.as_ref().and_then(|base| base.constant(&c.name).ok());
+        if let Some(value) = given.or(before) {
+            c.value = value;
+            constants.push(c);
+        }
+    }
     if !missing.is_empty() {
         return Err(ImportError::Missing { names: missing.into_iter().collect() });
     }
     let before = partial.provenance.as_ref().or(base.map(|b| &b.provenance));
     let nothing = || "0".repeat(16);
+    // The name of the file is not ours: it may hold anything.
+    let origin = visible(origin, false);
+    let earlier =
+        partial.provenance.as_ref().map_or(String::new(), |p| format!("{}; ", p.generator));
+    let generator =
+        format!("{earlier}{origin}, imported by coaxdesign {}", env!("CARGO_PKG_VERSION"));
     let provenance = Provenance {
-        generator: format!(
-            "{}{origin}, imported by coaxdesign {}",
-            partial.provenance.as_ref().map_or(String::new(), |p| format!("{}; ", p.generator)),
-            env!("CARGO_PKG_VERSION")
-        ),
+        // What came last says most, after many imports.
+        generator: generator
+            .chars()
+            .skip(generator.chars().count().saturating_sub(LONGEST_LINE))
+            .collect(),
         problem_hash: before.map_or_else(nothing, |p| p.problem_hash.clone()),
         specification_hash: before.map_or_else(nothing, |p| p.specification_hash.clone()),
     };

@@ -12,6 +12,7 @@
 
 mod ardupilot;
 mod c;
+mod code;
 pub mod csv;
 pub mod description;
 mod fmu;
@@ -29,6 +30,7 @@ pub mod vectors;
 pub use description::{Description, DescriptionError};
 
 use crate::control::law::LawTable;
+use crate::law::Diagram;
 use crate::problem::{LONGEST_NAME, visible};
 use crate::schedule::Schedule;
 
@@ -219,6 +221,9 @@ pub struct Input<'a> {
 /// Why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
+    /// The schedule holds what no schedule can.
+    #[error(transparent)]
+    Schedule(#[from] crate::schedule::Findings),
     /// The schedule is no law.
     #[error(transparent)]
     Description(#[from] DescriptionError),
@@ -248,6 +253,15 @@ fn delay_steps(input: &Input) -> usize {
     (input.schedule.law.reference_delay / input.options.step).round() as usize
 }
 
+/// The law's diagram as generated code needs it.
+fn diagram(input: &Input, engage: bool) -> Diagram {
+    let limits = input.schedule.stick_limits;
+    let mut diagram = input.law.diagram(input.options.step, limits, false, engage);
+    // What may be looked at belongs to whoever flies, not to the code.
+    diagram.monitors.clear();
+    diagram.pruned()
+}
+
 /// The files of a format.
 ///
 /// # Errors
@@ -258,7 +272,7 @@ pub fn export(
     format: Format,
     options: &Options,
 ) -> Result<Vec<File>, ExportError> {
-    if !(options.step >= LEAST_STEP && options.step <= LARGEST_STEP) {
+    if !(LEAST_STEP..=LARGEST_STEP).contains(&options.step) {
         return Err(ExportError::Option(format!(
             "the step is {} s; it must be from {LEAST_STEP} s to {LARGEST_STEP} s",
             options.step
@@ -267,6 +281,7 @@ pub fn export(
     if !options.speed.is_finite() {
         return Err(ExportError::Option("the speed must be a number".into()));
     }
+    schedule.check()?;
 
     if identifier(&options.name).as_deref() != Some(&options.name) {
         return Err(ExportError::Option(format!(

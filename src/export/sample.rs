@@ -28,6 +28,7 @@ pub fn schedule() -> Schedule {
         attitude_damping: 0.8,
         yaw_time_constant: 0.5,
         heave_time_constant: 2.0,
+        notch: Default::default(),
     };
     let points = SPEEDS
         .iter()

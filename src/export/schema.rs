@@ -138,6 +138,22 @@ pub fn schedule_schema() -> Value {
             ("heave_time_constant", positive("s")),
         ],
     );
+    let notch = object(
+        "A notch filter on what feedback asks for.",
+        &[
+            ("frequency", positive("rad/s")),
+            ("damping", positive("1")),
+            ("depth", number("factor with which the frequency passes")),
+        ],
+    );
+    let mut law = law;
+    // Only where an axis has one.
+    law["properties"]["notch"] = json!({
+        "type": "object",
+        "description": "Notch filters by axis.",
+        "properties": { "roll": notch, "pitch": notch, "yaw": notch, "heave": notch },
+        "additionalProperties": false,
+    });
     let hardware = object(
         "Hardware that it was tuned for.",
         &[

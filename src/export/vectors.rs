@@ -209,13 +209,19 @@ pub fn lookup(table: &LawTable, speed: f64) -> Vec<f64> {
     out
 }
 
-fn line(out: &mut String, numbers: &[f64]) {
+fn line(out: &mut String, numbers: &[f64]) -> Result<(), ExportError> {
     for (k, x) in numbers.iter().enumerate() {
+        if !x.is_finite() {
+            let reason =
+                format!("number {} of the line that begins with {:?} is {x}", k + 1, numbers[0]);
+            return Err(ExportError::Format { format: "vectors", reason });
+        }
         // Writing to a String cannot fail. `{:?}` is the shortest text that
         // reads back the same.
         let _ = write!(out, "{}{x:?}", if k == 0 { "" } else { "," });
     }
     out.push('\n');
+    Ok(())
 }
 
 /// Both files.
@@ -225,13 +231,13 @@ pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
     let rows = steps(input.law, input.schedule.stick_limits, step)
         .map_err(|error| ExportError::Format { format: "vectors", reason: error.to_string() })?;
     for row in rows {
-        line(&mut sequence, &row.numbers());
+        line(&mut sequence, &row.numbers())?;
     }
     let mut tables = format!("speed,{}\n", lookup_names(input).join(","));
     for speed in lookup_speeds(input.law) {
         let mut numbers = vec![speed];
         numbers.extend(lookup(input.law, speed));
-        line(&mut tables, &numbers);
+        line(&mut tables, &numbers)?;
     }
     let name = &input.options.name;
     Ok(vec![

@@ -5,6 +5,7 @@
 //! *memory* (one number) or a *delay line* (several); their inputs may come
 //! later in the list. A block computes one number, real or logical (0 or 1).
 
+use std::collections::BTreeMap;
 use std::ops::Neg;
 
 /// The output of a block: its place in the diagram.
@@ -453,6 +454,37 @@ impl Diagram {
             needed[step.0] = true;
         }
         self.keep(&needed)
+    }
+
+    /// What flows from group to group: places of both, and the names of the
+    /// blocks whose numbers do, each once, in the order of the diagram. What
+    /// goes through a memory or a delay line flows from where it is set.
+    /// Constants, tables and inputs are left out.
+    pub fn flow(&self) -> Vec<(usize, usize, Vec<&str>)> {
+        let mut found: BTreeMap<(usize, usize), Vec<&str>> = BTreeMap::new();
+        let mut join = |from: Wire, to: Wire| {
+            let (a, b) = (self.block(from), self.block(to));
+            let apart =
+                !matches!(a.kind, Kind::Constant(_) | Kind::Entry(_) | Kind::Input | Kind::Switch);
+            if apart && a.group != b.group {
+                let names = found.entry((a.group, b.group)).or_default();
+                if !names.contains(&a.name.as_str()) {
+                    names.push(&a.name);
+                }
+            }
+        };
+        for (k, block) in self.blocks.iter().enumerate() {
+            for from in block.kind.reads() {
+                join(from, Wire(k));
+            }
+        }
+        for store in &self.stores {
+            join(store.next, store.memory);
+        }
+        for feed in &self.feeds {
+            join(feed.input, feed.line);
+        }
+        found.into_iter().map(|((from, to), names)| (from, to, names)).collect()
     }
 
     /// The part that computes the named blocks: they are its outputs, and its

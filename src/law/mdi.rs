@@ -70,6 +70,52 @@ pub struct LawSettings {
     pub yaw_time_constant: f64,
     /// Time constant of the vertical velocity command model, s.
     pub heave_time_constant: f64,
+    /// Notch filters on what feedback asks for.
+    #[serde(default, skip_serializing_if = "Notches::is_empty")]
+    pub notch: Notches,
+}
+
+/// Notch filters of the inner axes, where there are any.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Notches {
+    /// On φ''.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roll: Option<Notch>,
+    /// On θ''.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch: Option<Notch>,
+    /// On r'.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yaw: Option<Notch>,
+    /// On V_z'.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heave: Option<Notch>,
+}
+
+impl Notches {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.axes().iter().all(Option::is_none)
+    }
+
+    /// In the order of the axes.
+    pub fn axes(&self) -> [Option<Notch>; 4] {
+        [self.roll, self.pitch, self.yaw, self.heave]
+    }
+}
+
+/// A notch filter, `(s² + 2 ζ d ω s + ω²)/(s² + 2 ζ ω s + ω²)`; see
+/// [`Diagram::notch`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Notch {
+    /// Frequency ω that is taken out, rad/s.
+    pub frequency: f64,
+    /// Damping ratio ζ: half the relative width.
+    pub damping: f64,
+    /// Factor d with which the frequency passes, 0 to 1.
+    pub depth: f64,
 }
 
 /// The blend of Eq. 75.
@@ -235,7 +281,7 @@ pub fn diagram(choices: &Choices) -> Diagram {
     let references = b.command_models(&kinematics, &mode, &schedule, &turn, &commands);
     let errors = b.errors(&kinematics, &mode, &references);
     let ideal = b.reference_model(&kinematics, &mode, &schedule, &turn, &references);
-    let wanted = b.accelerations(&errors, &ideal, &references);
+    let wanted = b.accelerations(mode.fresh, &errors, &ideal, &references);
     b.inversion(&errors, &ideal, &wanted);
     b.finish()
 }
@@ -303,6 +349,8 @@ struct Ideal {
 struct Wanted {
     commanded: [Wire; 4],
     nu: [Wire; 4],
+    /// Memory and input of the notch filters.
+    followers: [Option<[Wire; 2]>; 4],
 }
 
 const DIRECTIONS: [(&str, &str); 2] =
@@ -1371,7 +1419,13 @@ impl Builder {
         Ideal { reference, off }
     }
 
-    fn accelerations(&mut self, e: &Errors, ideal: &Ideal, references: &References) -> Wanted {
+    fn accelerations(
+        &mut self,
+        fresh: Wire,
+        e: &Errors,
+        ideal: &Ideal,
+        references: &References,
+    ) -> Wanted {
         let s = self.choices.settings;
         self.d.group(
             "accelerations",
@@ -1382,6 +1436,7 @@ impl Builder {
         let feed = [bank.acceleration, nose.acceleration, yaw.rate, heave.rate];
         let mut commanded = feed;
         let mut wanted = feed;
+        let mut followers = [None; 4];
         for i in 0..4 {
             let (name, channel, _) = AXES[i];
             let (row, unit) = NU[i];
@@ -1418,8 +1473,26 @@ impl Builder {
                 "nu_e - F_k (x - x_ref): what feedback asks for",
                 &terms,
             );
+            if let Some(notch) = s.notch.axes()[i] {
+                let asked = wanted[i];
+                let wires = [
+                    ("frequency", "rad/s", "frequency that the notch takes out", notch.frequency),
+                    ("damping", "1", "damping ratio of the notch", notch.damping),
+                    ("depth", "1", "factor with which its frequency passes", notch.depth),
+                ]
+                .map(|(what, unit, comment, value)| {
+                    self.constant(&format!("notch_{channel}_{what}"), unit, comment, value)
+                });
+                let of = format!("what feedback asks for in {channel}");
+                let rate = ["rad/s^3", "rad/s^3", "rad/s^3", "m/s^3"][i];
+                let acceleration = ["rad/s^4", "rad/s^4", "rad/s^4", "m/s^4"][i];
+                let label = Label { name, of: &of, units: [unit, rate, acceleration] };
+                let out = self.d.notch(label, asked, wires, fresh);
+                wanted[i] = out.output;
+                followers[i] = Some([out.follower, asked]);
+            }
         }
-        Wanted { commanded, nu: wanted }
+        Wanted { commanded, nu: wanted, followers }
     }
 
     fn pedal_power(&mut self, name: &str, collective: Wire) -> Wire {
@@ -1620,13 +1693,13 @@ impl Builder {
             );
         }
         if c.engage {
-            self.engagement(e, trim, answer);
+            self.engagement(e, wanted, trim, answer);
         }
     }
 
     /// Engaging with given sticks: the integrals take what the law would
     /// otherwise lack.
-    fn engagement(&mut self, e: &Errors, trim: [Wire; 4], answer: [Wire; 4]) {
+    fn engagement(&mut self, e: &Errors, wanted: &Wanted, trim: [Wire; 4], answer: [Wire; 4]) {
         self.d.group(
             "engaging",
             "The integrals take what the law lacks of the given sticks, so that the next step's \
@@ -1713,6 +1786,16 @@ impl Builder {
                 [value, zero],
             );
             d.engage(e.integrals[i], value);
+            if let Some([follower, asked]) = wanted.followers[i] {
+                // The notch is at rest on what is asked for with the integral.
+                let rest = d.sum(
+                    &format!("{name}_notch_engaged"),
+                    NU[i].1,
+                    "what feedback asks for after engaging",
+                    &[asked.into(), term(&[k_i, value])],
+                );
+                d.engage(follower, rest);
+            }
         }
     }
 
@@ -1773,6 +1856,7 @@ mod tests {
                 attitude_damping: 0.8,
                 yaw_time_constant: 0.5,
                 heave_time_constant: 2.0,
+                notch: Notches::default(),
             },
             turn: TurnCoordination { speed: 25.7, width: 5.0 },
             off_trim: OffTrim::default(),
@@ -1789,8 +1873,12 @@ mod tests {
     /// is fed.
     #[test]
     fn every_variant_is_whole() {
-        for variant in 0..16 {
+        for variant in 0..32 {
             let mut c = choices();
+            if variant & 16 == 0 {
+                let notch = Some(Notch { frequency: 12.0, damping: 0.4, depth: 0.1 });
+                c.settings.notch = Notches { pitch: notch, heave: notch, ..Notches::default() };
+            }
             c.ports = variant & 1 == 0;
             c.engage = variant & 2 == 0;
             c.settings.hybrid_feedforward = variant & 4 == 0;

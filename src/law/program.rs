@@ -411,7 +411,7 @@ impl Compiler<'_> {
     fn compile(&mut self) {
         let only_engaging = self.diagram.only_engaging();
         let mut looked_up = false;
-        for k in 0..self.diagram.blocks.len() {
+        for (k, only_engaging) in only_engaging.into_iter().enumerate() {
             if self.fixed[k].is_some() {
                 continue;
             }
@@ -425,7 +425,7 @@ impl Compiler<'_> {
             }
             let mut ops = Vec::new();
             self.block(k, &kind, &mut ops);
-            if only_engaging[k] {
+            if only_engaging {
                 self.program.engaging.extend(ops);
             } else {
                 self.program.ops.extend(ops);

@@ -78,6 +78,12 @@ impl PipelineError {
     pub fn help(&self) -> &'static str {
         match self {
             Self::Input(_) | Self::Vehicle(_) => "",
+            Self::Models(
+                ModelsError::Variation { .. }
+                | ModelsError::Stitch { .. }
+                | ModelsError::NonMinimumPhase { .. }
+                | ModelsError::NoSpeed { .. },
+            ) => "docs/models.md tells what a set of models can give",
             Self::Models(_) => {
                 "look at the trim by itself with `coaxdesign trim`, and choose the speeds of the \
                  specification within the aircraft's reach"

@@ -9,11 +9,12 @@ use crate::control::axis::Channel;
 use crate::control::design::{Design, design};
 use crate::control::explain::{Explanation, explain};
 use crate::control::law::LawTable;
-use crate::control::models::{Built, LeftOut, build_until};
-use crate::control::plant::{ModelClass, ModelSet, Plant};
+use crate::control::models::{Built, LeftOut, build_until, from_set};
+use crate::control::plant::{Hardware, ModelClass, ModelSet, Plant};
 use crate::control::spec::Specification;
 use crate::control::tuning::Price;
 use crate::control::verify::{Authority, BladeControl, Row, Verification, authority};
+use crate::lti::LtiSet;
 use crate::problem::{Loaded, Problem};
 use crate::schedule::{Provenance, Schedule};
 
@@ -180,6 +181,93 @@ pub fn tune(
     let spec = &requirements.specification;
     let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
     let built = plants(problem, spec, &speeds, observer)?;
+    let subject = Subject::of_problem(problem);
+    let provenance = provenance(problem_hash(aircraft), requirements);
+    tune_built(&subject, spec, built, provenance, options, observer)
+}
+
+/// As [`tune`], for linear models from elsewhere. Where these have the hardware
+/// inside, the specification's counts for nothing.
+///
+/// # Errors
+/// As [`tune`], and models that the specification asks for and a set cannot
+/// give.
+pub fn tune_models(
+    set: &LtiSet,
+    requirements: &Requirements,
+    options: &TuneOptions,
+    observer: &dyn Observer,
+) -> Result<Tuned, PipelineError> {
+    let spec = for_set(&requirements.specification, set);
+    let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
+    let built = plants_of_models(set, &spec, &speeds)?;
+    let hash = crate::schedule::hash(set.texts.iter().map(String::as_str));
+    let provenance = provenance(hash, requirements);
+    tune_built(&Subject::of_models(set), &spec, built, provenance, options, observer)
+}
+
+/// What a design is made for, its plants aside.
+struct Subject<'a> {
+    name: &'a str,
+    stick_limits: [[f64; 2]; 4],
+    blades: Vec<BladeControl>,
+}
+
+impl<'a> Subject<'a> {
+    fn of_problem(problem: &'a Problem) -> Self {
+        Self {
+            name: &problem.name,
+            stick_limits: problem.controls.stick_limits,
+            blades: blade_controls(problem),
+        }
+    }
+
+    /// Linear models say nothing of blades: sticks have their whole travel.
+    fn of_models(set: &'a LtiSet) -> Self {
+        Self { name: &set.name, stick_limits: [[0.0, 100.0]; 4], blades: Vec::new() }
+    }
+}
+
+fn provenance(problem_hash: String, requirements: &Requirements) -> Provenance {
+    Provenance {
+        generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
+        problem_hash,
+        specification_hash: requirements.hash(),
+    }
+}
+
+/// A specification for a set of models: without its hardware where the models
+/// have theirs.
+fn for_set(specification: &Specification, set: &LtiSet) -> Specification {
+    let mut spec = specification.clone();
+    if set.hardware_included {
+        spec.hardware = Hardware::INCLUDED;
+    }
+    spec
+}
+
+/// Plants of linear models from elsewhere at these speeds, m/s.
+///
+/// # Errors
+/// A model of the specification that the set cannot give, models that cannot be
+/// reduced, stitched or inverted, or no speed within the set.
+pub fn plants_of_models(
+    set: &LtiSet,
+    specification: &Specification,
+    speeds: &[f64],
+) -> Result<Built, PipelineError> {
+    let inertia = specification.models_from.inertia;
+    Ok(from_set(set, inertia, &specification.models, speeds)?)
+}
+
+fn tune_built(
+    subject: &Subject<'_>,
+    spec: &Specification,
+    built: Built,
+    provenance: Provenance,
+    options: &TuneOptions,
+    observer: &dyn Observer,
+) -> Result<Tuned, PipelineError> {
     let nodes = subset(&built.set, &with_ends(&spec.speeds, &built.set.speeds()));
     if nodes.plants.is_empty() {
         return Err(PipelineError::NoBreakpoint);
@@ -196,18 +284,13 @@ pub fn tune(
         design(spec, &nodes, &between, &options.channels)?
     };
     let _running = Running::begin(observer, Task::Verification, 1)?;
-    let limits = problem.controls.stick_limits;
-    let verified = judge(&design.table, limits, problem, spec, built)?;
+    let limits = subject.stick_limits;
+    let verified = judge(&design.table, limits, &subject.blades, spec, built)?;
     let explanations =
         explanations(spec, &nodes, &design.table, &verified.verification, options.explain_all)?;
-    let provenance = Provenance {
-        generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
-        problem_hash: problem_hash(aircraft),
-        specification_hash: requirements.hash(),
-    };
     let met = verified.met();
     let schedule =
-        Schedule::new(&problem.name, &design.table, spec.hardware, limits, met, provenance);
+        Schedule::new(subject.name, &design.table, spec.hardware, limits, met, provenance);
     Ok(Tuned { schedule, design, nodes, verified, explanations })
 }
 
@@ -223,24 +306,53 @@ pub fn verify(
     specification: &Specification,
     observer: &dyn Observer,
 ) -> Result<Verified, PipelineError> {
+    let (table, speeds) = law_and_speeds(schedule, specification)?;
+    let built = plants(problem, specification, &speeds, observer)?;
+    let _running = Running::begin(observer, Task::Verification, 1)?;
+    judge(&table, schedule.stick_limits, &blade_controls(problem), specification, built)
+}
+
+/// As [`verify`], on linear models from elsewhere.
+///
+/// # Errors
+/// As [`verify`] and [`tune_models`].
+pub fn verify_models(
+    schedule: &Schedule,
+    set: &LtiSet,
+    specification: &Specification,
+    observer: &dyn Observer,
+) -> Result<Verified, PipelineError> {
+    let spec = for_set(specification, set);
+    let (table, speeds) = law_and_speeds(schedule, &spec)?;
+    let built = plants_of_models(set, &spec, &speeds)?;
+    let _running = Running::begin(observer, Task::Verification, 1)?;
+    judge(&table, schedule.stick_limits, &[], &spec, built)
+}
+
+fn law_and_speeds(
+    schedule: &Schedule,
+    specification: &Specification,
+) -> Result<(LawTable, Vec<f64>), PipelineError> {
     let table = schedule.law()?;
     let breakpoints: Vec<f64> = table.points().iter().map(|p| p.speed).collect();
     let speeds = verification_speeds(&breakpoints, &specification.verify_speeds);
-    let built = plants(problem, specification, &speeds, observer)?;
-    let _running = Running::begin(observer, Task::Verification, 1)?;
-    judge(&table, schedule.stick_limits, problem, specification, built)
+    Ok((table, speeds))
 }
 
 fn judge(
     table: &LawTable,
     stick_limits: [[f64; 2]; 4],
-    problem: &Problem,
+    blades: &[BladeControl],
     spec: &Specification,
     built: Built,
 ) -> Result<Verified, PipelineError> {
     let verification = crate::control::verify::verify(table, &built.set, &spec.hardware, spec)?;
-    let blades = blade_controls(problem);
-    let authority = authority(table, &spec.hardware, spec, &blades, &stick_limits);
+    // Without blades there is nothing to hold against their limits.
+    let authority = if blades.is_empty() {
+        Vec::new()
+    } else {
+        authority(table, &spec.hardware, spec, blades, &stick_limits)
+    };
     Ok(Verified { verification, authority, left_out: built.left_out })
 }
 

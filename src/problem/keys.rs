@@ -192,7 +192,7 @@ static MASS: Table = Table {
     keys: &[
         required(
             "mass",
-            Value::Quantity(Kind::Mass, above_to("0 kg", "500000 kg")),
+            Value::Quantity(Kind::Mass, from_to("0.001 kg", "500000 kg")),
             "Gross mass. A gross weight in `lb` or `lbf` is read as the mass that weighs it \
              under standard gravity.",
         ),
@@ -226,7 +226,7 @@ static MASS: Table = Table {
     alternatives: &[],
 };
 
-const INERTIA: Bounds = above_to("0 slug ft^2", "100000000 slug ft^2");
+const INERTIA: Bounds = from_to("0.000000001 slug ft^2", "100000000 slug ft^2");
 const PRODUCT: Bounds = from_to("-100000000 slug ft^2", "100000000 slug ft^2");
 
 static ATMOSPHERE: Table = Table {
@@ -313,7 +313,7 @@ static AIRFOIL: Table = Table {
         ),
         required(
             "lift_slope",
-            Value::Quantity(Kind::PerAngle, above_to("0 1/rad", "20 1/rad")),
+            Value::Quantity(Kind::PerAngle, from_to("0.01 1/rad", "20 1/rad")),
             "Lift-curve slope a0.",
         ),
         default(
@@ -338,7 +338,7 @@ static GOVERNOR: Table = Table {
     doc: "First-order rotor-speed governor: Ω' = (Ω_cmd - Ω)/τ.",
     keys: &[required(
         "time_constant",
-        Value::Quantity(Kind::Time, above_to("0 s", "1000 s")),
+        Value::Quantity(Kind::Time, from_to("0.001 s", "1000 s")),
         "Time constant τ.",
     )],
     alternatives: &[],
@@ -349,7 +349,7 @@ static MOTOR: Table = Table {
           `[controls.mix.NAME]`. Such a rotor is averaged over its azimuth.",
     keys: &[required(
         "time_constant",
-        Value::Quantity(Kind::Time, above_to("0 s", "1000 s")),
+        Value::Quantity(Kind::Time, from_to("0.001 s", "1000 s")),
         "Time constant τ.",
     )],
     alternatives: &[],
@@ -418,8 +418,16 @@ static ROTOR: Table = Table {
             "Direction of rotation, seen from above.",
         ),
         required("blades", Value::Count(1, 12), "Number of blades N_b."),
-        required("radius", Value::Quantity(Kind::Length, above_to("0 ft", "200 ft")), "Radius R."),
-        required("chord", Value::Spanwise(Kind::Length, above_to("0 ft", "20 ft")), "Blade chord."),
+        required(
+            "radius",
+            Value::Quantity(Kind::Length, from_to("0.001 ft", "200 ft")),
+            "Radius R.",
+        ),
+        required(
+            "chord",
+            Value::Spanwise(Kind::Length, from_to("0.0001 ft", "20 ft")),
+            "Blade chord.",
+        ),
         default(
             "twist",
             Value::SpanwiseFromZero(Kind::Angle, from_to("-90 deg", "90 deg")),
@@ -448,17 +456,20 @@ static ROTOR: Table = Table {
         ),
         required(
             "blade_mass",
-            Value::Quantity(Kind::Mass, above_to("0 lb", "10000 lb")),
+            Value::Quantity(Kind::Mass, from_to("0.000001 lb", "10000 lb")),
             "Mass of one blade m_b.",
         ),
         required(
             "blade_first_moment",
-            Value::Quantity(Kind::FirstMoment, above_to("0 slug ft", "1000000 slug ft")),
+            Value::Quantity(Kind::FirstMoment, from_to("0.000000001 slug ft", "1000000 slug ft")),
             "First mass moment of one blade about its attachment, M_β.",
         ),
         required(
             "blade_second_moment",
-            Value::Quantity(Kind::Inertia, above_to("0 slug ft^2", "100000000 slug ft^2")),
+            Value::Quantity(
+                Kind::Inertia,
+                from_to("0.000000000001 slug ft^2", "100000000 slug ft^2"),
+            ),
             "Second mass moment of one blade about its attachment, I_β.",
         ),
         required(
@@ -545,7 +556,7 @@ static ROTOR: Table = Table {
         ),
         required(
             "speed",
-            Value::Quantity(Kind::AngularRateRad, above_to("0 rad/s", "5000 rad/s")),
+            Value::Quantity(Kind::AngularRateRad, from_to("0.01 rad/s", "5000 rad/s")),
             "Speed of rotation Ω, positive for either direction.",
         ),
         default(
@@ -647,7 +658,7 @@ static FINITE: Table = Table {
     keys: &[
         required(
             "lift_slope",
-            Value::Quantity(Kind::PerAngle, above_to("0 1/rad", "20 1/rad")),
+            Value::Quantity(Kind::PerAngle, from_to("0.01 1/rad", "20 1/rad")),
             "Lift-curve slope a0 of the section.",
         ),
         default(
@@ -661,10 +672,10 @@ static FINITE: Table = Table {
             Value::Number(from_to("0", "2")),
             "Drag coefficient without lift.",
         ),
-        default("oswald", Value::Number(above_to("0", "1")), "0.8", "Oswald efficiency e."),
+        default("oswald", Value::Number(from_to("0.01", "1")), "0.8", "Oswald efficiency e."),
         default(
             "stall_angle",
-            Value::Quantity(Kind::Angle, above_to("0 deg", "45 deg")),
+            Value::Quantity(Kind::Angle, from_to("0.1 deg", "45 deg")),
             "\"15 deg\"",
             "Angle of attack at which the lift stalls.",
         ),
@@ -698,12 +709,12 @@ static WING: Table = Table {
         required("aerodynamic_center", Value::Table(&STATION), "Aerodynamic centre at mid-span."),
         required(
             "span",
-            Value::Quantity(Kind::Length, above_to("0 ft", "300 ft")),
+            Value::Quantity(Kind::Length, from_to("0.001 ft", "300 ft")),
             "Span b, tip to tip.",
         ),
         required(
             "chord",
-            Value::Spanwise(Kind::Length, above_to("0 ft", "50 ft")),
+            Value::Spanwise(Kind::Length, from_to("0.0001 ft", "50 ft")),
             "Chord. Station 0 is the tip at negative y of the wing axes (port when level), \
              station 1 the other.",
         ),
@@ -772,7 +783,7 @@ static INFLOW: Table = Table {
         ),
         default(
             "lowpass_bandwidth",
-            Value::Quantity(Kind::Frequency, above_to("0 rad/s", "100000 rad/s")),
+            Value::Quantity(Kind::Frequency, from_to("0.01 rad/s", "100000 rad/s")),
             "\"200 rad/s\"",
             "Bandwidth of the low-pass. Used with `total_inflow = \"lowpass\"`.",
         ),

@@ -178,9 +178,81 @@ pub fn inner_loop(labels: &LawLabels) -> Diagram {
     hop(d, 370.0, down)
 }
 
+/// What flows from one group of blocks to another.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Flow {
+    /// Place of the group that it comes from.
+    pub from: usize,
+    /// Place of the group that it goes to.
+    pub to: usize,
+    /// Names of the signals.
+    pub signals: Vec<String>,
+}
+
+/// Names that a crossing shows; of more it says how many.
+const SHOWN: usize = 2;
+
+/// The law as it is computed: its groups of blocks on the diagonal, in order.
+/// What a group gives stands in its row, in the column of the group that takes
+/// it: above the diagonal in the same step, below it one step later.
+#[must_use]
+pub fn computed(groups: &[&str], flows: &[Flow]) -> Diagram {
+    let (box_size, pitch) = ([128.0, 34.0], [138.0, 52.0]);
+    let at =
+        |column: usize, row: usize| [75.0 + pitch[0] * column as f64, 32.0 + pitch[1] * row as f64];
+    let count = groups.len();
+    let (width, height) = (pitch[0] * count as f64 + 20.0, pitch[1] * count as f64 + 20.0);
+    let mut d = Diagram::new("The law, block by block", width, height).description(
+        "Groups of the law's blocks in the order in which they are computed, and the signals that \
+         flow between them. A signal leaves its group along the row and enters another along the \
+         column.",
+    );
+    // Wires first: boxes and texts stand over them.
+    for flow in flows {
+        let (start, corner, end) =
+            (at(flow.from, flow.from), at(flow.to, flow.from), at(flow.to, flow.to));
+        let side = if flow.to > flow.from { 1.0 } else { -1.0 };
+        d = d.wire(
+            &[
+                [start[0] + side * 0.5 * box_size[0], start[1]],
+                corner,
+                [end[0], end[1] - side * 0.5 * box_size[1]],
+            ],
+            "",
+        );
+    }
+    for flow in flows {
+        let corner = at(flow.to, flow.from);
+        let shown = if flow.signals.len() > SHOWN {
+            format!("{} signals", flow.signals.len())
+        } else {
+            flow.signals.join(", ")
+        };
+        d = d.dot(corner).text(corner, Anchor::Above, &shown);
+    }
+    for (k, group) in groups.iter().enumerate() {
+        d = d.strong_block(at(k, k), box_size, &[group]);
+    }
+    d
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_flows_stands_in_its_row_and_column() {
+        let flow = |from, to, signals: &[&str]| Flow {
+            from,
+            to,
+            signals: signals.iter().map(|s| (*s).to_string()).collect(),
+        };
+        let flows = [flow(0, 1, &["v_x"]), flow(0, 2, &["a", "b", "c"]), flow(2, 0, &["due"])];
+        let svg = computed(&["kinematics", "errors", "inversion"], &flows).to_svg("law");
+        for text in ["kinematics", "inversion", "v_x", "3 signals", "due"] {
+            assert!(svg.contains(text), "{text}");
+        }
+    }
 
     #[test]
     fn the_diagrams_carry_their_numbers() {

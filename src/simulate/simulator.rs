@@ -558,6 +558,23 @@ fn check(options: &Options) -> Result<(), SimulationError> {
             return Err(SimulationError::Option { what, value, must: "zero or positive" });
         }
     }
+    for (what, value, least, most, must) in [
+        ("the control rate", options.control_rate, 1.0, 1e4, "from 1 Hz to 10,000 Hz"),
+        ("the delay", h.delay + options.extra_delay, 0.0, 10.0, "at most 10 s"),
+        ("the actuators' bandwidth", h.actuator_bandwidth, 0.0, 1e6, "at most 1e6 rad/s"),
+        ("the sensors' bandwidth", h.sensor_bandwidth, 0.0, 1e6, "at most 1e6 rad/s"),
+        (
+            "the number of steps a revolution",
+            options.steps_per_revolution as f64,
+            1.0,
+            1e5,
+            "at most 100,000",
+        ),
+    ] {
+        if value < least || value > most {
+            return Err(SimulationError::Option { what, value, must });
+        }
+    }
     let half_period = 0.5 / options.control_rate;
     let delay = h.delay + options.extra_delay;
     if delay < half_period * (1.0 - 1e-9) {

@@ -18,6 +18,7 @@
 //! with the square of the Mach number.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use crate::numerics::interpolation::{Bicubic, Ends, GridError};
 use crate::problem::{Airfoil, CoefficientGrid};
@@ -41,7 +42,10 @@ pub struct Coefficients {
 
 /// An airfoil section, ready for evaluation.
 #[derive(Debug, Clone)]
-pub struct Section(Kind);
+pub struct Section {
+    kind: Kind,
+    limits: Arc<Limits>,
+}
 
 #[derive(Debug, Clone)]
 enum Kind {
@@ -80,12 +84,48 @@ impl Section {
                 let drag = periodic(&table.drag)?;
                 let smooth = surface(&drag)?;
                 let drag = if smooth.is_positive() { smooth } else { within_data(&drag)? };
-                Ok(Self(Kind::Table(Bicubic::join([&lift, &drag]))))
+                Ok(Self::limited(Kind::Table(Bicubic::join([&lift, &drag]))))
             }
             &Airfoil::Analytic { lift_slope, zero_lift_angle, drag, .. } => {
-                Ok(Self(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
+                Ok(Self::limited(Kind::Analytic { lift_slope, zero_lift_angle, drag }))
             }
         }
+    }
+
+    /// A section with its limits.
+    fn limited(kind: Kind) -> Self {
+        let mut section = Self { kind, limits: Arc::default() };
+        section.limits = Arc::new(match section.kind {
+            Kind::Table(_) => Limits::of(&section),
+            Kind::Analytic { zero_lift_angle, .. } => Limits {
+                stall: vec![
+                    [zero_lift_angle - ASSUMED_STALL, zero_lift_angle + ASSUMED_STALL];
+                    STALL_MACHS
+                ],
+                divergence: vec![FASTEST; DIVERGENCE_ANGLES],
+            },
+        });
+        section
+    }
+
+    /// How far an angle of attack, rad, is on the way from the middle between
+    /// the two angles of stall at a Mach number to the nearer one: 1 is stall.
+    /// A section without a table stalls at 15° from its angle of zero lift, an
+    /// assumption of warnings only.
+    #[must_use]
+    pub fn stall_fraction(&self, angle_of_attack: f64, mach: f64) -> f64 {
+        let place = mach / STALL_SPACING;
+        let [low, high] =
+            [0, 1].map(|end| between(place, STALL_MACHS, |index| self.limits.stall[index][end]));
+        ((wrap(angle_of_attack) - 0.5 * (low + high)) / (0.5 * (high - low))).abs()
+    }
+
+    /// Mach number at which the drag coefficient grows with 0.1 per Mach number
+    /// at an angle of attack, rad; at most 0.9.
+    #[must_use]
+    pub fn drag_divergence(&self, angle_of_attack: f64) -> f64 {
+        let place = (wrap(angle_of_attack) + DIVERGENCE_REACH) / DIVERGENCE_SPACING;
+        between(place, DIVERGENCE_ANGLES, |index| self.limits.divergence[index])
     }
 
     /// Coefficients and partial derivatives at an angle of attack (rad, any
@@ -93,7 +133,7 @@ impl Section {
     #[inline]
     pub fn coefficients(&self, angle_of_attack: f64, mach: f64) -> Coefficients {
         let alpha = wrap(angle_of_attack);
-        match &self.0 {
+        match &self.kind {
             Kind::Table(table) => {
                 let v = table.evaluate(alpha, mach);
                 Coefficients {
@@ -124,7 +164,7 @@ impl Section {
     #[inline(always)]
     pub fn lift_drag(&self, angle_of_attack: f64, mach: f64) -> (f64, f64) {
         let alpha = wrap(angle_of_attack);
-        match &self.0 {
+        match &self.kind {
             Kind::Table(table) => {
                 let [lift, drag] = table.value(alpha, mach);
                 (lift, drag)
@@ -134,6 +174,76 @@ impl Section {
             }
         }
     }
+}
+
+/// Where a section stalls and where its drag diverges: for warnings, not for
+/// loads.
+#[derive(Debug, Default)]
+struct Limits {
+    /// Angles of least and of largest lift, rad, by Mach number.
+    stall: Vec<[f64; 2]>,
+    /// Mach number of drag divergence by angle of attack.
+    divergence: Vec<f64>,
+}
+
+/// Mach numbers from 0 at which the angles of stall are looked for, and how far
+/// apart.
+const STALL_MACHS: usize = 21;
+const STALL_SPACING: f64 = 0.05;
+/// Largest angle at which stall is looked for, rad: beyond it lift is that of a
+/// plate.
+const STALL_REACH: f64 = 30.0 * PI / 180.0;
+/// Angle from zero lift at which a section without a table is taken to stall,
+/// rad: what the sections of helicopter blades reach.
+const ASSUMED_STALL: f64 = 15.0 * PI / 180.0;
+/// Angles of attack from −20° to 20° at which drag divergence is looked for.
+const DIVERGENCE_ANGLES: usize = 41;
+const DIVERGENCE_REACH: f64 = 20.0 * PI / 180.0;
+const DIVERGENCE_SPACING: f64 = PI / 180.0;
+/// Growth of drag with the Mach number that is called divergence.
+const DIVERGENCE: f64 = 0.1;
+/// Mach number beyond which no section is trusted.
+const FASTEST: f64 = 0.9;
+
+impl Limits {
+    fn of(section: &Section) -> Self {
+        let steps = 120;
+        let stall = (0..STALL_MACHS)
+            .map(|index| {
+                let mach = index as f64 * STALL_SPACING;
+                // The peak nearest to zero that is higher than what is around
+                // it by more than rounding; the end where there is none.
+                [-1.0, 1.0].map(|sign| {
+                    let angle = |k: usize| sign * STALL_REACH * k as f64 / f64::from(steps);
+                    let lift = |k: usize| sign * section.lift_drag(angle(k), mach).0;
+                    let best = (0..=steps as usize).map(|k| (k, lift(k))).fold(
+                        (0, f64::NEG_INFINITY),
+                        |best, now| if now.1 > best.1 { now } else { best },
+                    );
+                    angle(best.0.max(1))
+                })
+            })
+            .collect();
+        let divergence = (0..DIVERGENCE_ANGLES)
+            .map(|index| {
+                let angle = index as f64 * DIVERGENCE_SPACING - DIVERGENCE_REACH;
+                let drag = |mach: f64| section.lift_drag(angle, mach).1;
+                (15..45)
+                    .map(|k| 0.02 * f64::from(k))
+                    .find(|mach| drag(mach + 0.02) - drag(mach - 0.02) > 0.04 * DIVERGENCE)
+                    .unwrap_or(FASTEST)
+            })
+            .collect();
+        Self { stall, divergence }
+    }
+}
+
+/// Value between entries of a list at whole places, constant beyond its ends.
+fn between(place: f64, count: usize, value: impl Fn(usize) -> f64) -> f64 {
+    let place = place.clamp(0.0, (count - 1) as f64);
+    let index = (place as usize).min(count - 2);
+    let t = place - index as f64;
+    value(index) + t * (value(index + 1) - value(index))
 }
 
 /// Angle, rad, up to which the lift of an analytic section is linear.
@@ -237,7 +347,7 @@ mod tests {
     use super::*;
     use crate::problem::AirfoilTable;
     use proptest::prelude::*;
-    use std::sync::{Arc, LazyLock};
+    use std::sync::LazyLock;
 
     /// Reads one coefficient block of a C81 file, just enough for tests.
     fn block<'a>(
@@ -295,6 +405,37 @@ mod tests {
                 assert!((c.drag - NACA.drag.value[k]).abs() <= tolerance);
             }
         }
+    }
+
+    /// Stall and drag divergence of the table of the repository, read off its
+    /// rows: lift is largest at 14° at Mach 0 to 0.3, and drag grows fast from
+    /// about Mach 0.7 at zero lift.
+    #[test]
+    fn limits_are_those_of_the_table() {
+        for (j, mach) in NACA.lift.mach.iter().enumerate() {
+            let column = |i: usize| NACA.lift.value[i * NACA.lift.mach.len() + j];
+            let best = (0..NACA.lift.angle_of_attack.len())
+                .filter(|&i| (0.0..0.53).contains(&NACA.lift.angle_of_attack[i]))
+                .max_by(|&a, &b| column(a).total_cmp(&column(b)))
+                .unwrap();
+            let angle = NACA.lift.angle_of_attack[best];
+            let fraction = SECTION.stall_fraction(angle, *mach);
+            assert!((fraction - 1.0).abs() < 0.25, "Mach {mach}: {fraction}");
+            assert!(SECTION.stall_fraction(angle + 0.15, *mach) > 1.0);
+            assert!(SECTION.stall_fraction(0.0, *mach) < 0.6);
+        }
+        let critical = SECTION.drag_divergence(0.0);
+        assert!((0.6..0.85).contains(&critical), "{critical}");
+        assert!(SECTION.drag_divergence(8.0_f64.to_radians()) < critical);
+        let plain = Section::new(&Airfoil::Analytic {
+            lift_slope: 6.0,
+            zero_lift_angle: 0.02,
+            drag: 0.01,
+            small_angles: false,
+        })
+        .unwrap();
+        assert!((plain.stall_fraction(0.02 + ASSUMED_STALL, 0.5) - 1.0).abs() < 1e-12);
+        assert_eq!(plain.drag_divergence(0.1), FASTEST);
     }
 
     #[test]

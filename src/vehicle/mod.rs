@@ -15,6 +15,7 @@ pub mod airfoil;
 pub mod atmosphere;
 pub mod azimuth;
 pub mod blades;
+pub mod census;
 pub mod frames;
 pub mod fuselage;
 pub mod inflow;

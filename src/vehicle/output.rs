@@ -2,6 +2,7 @@
 //! powers and the loads of each component.
 
 use crate::numerics::scalar::Vec3;
+use crate::vehicle::census::Census;
 use crate::vehicle::rotor::RotorInput;
 use crate::vehicle::{AirMotion, Vehicle, Workspace};
 
@@ -19,6 +20,9 @@ pub struct RotorOutput {
     pub inflow: [f64; 3],
     /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
     pub self_inflow: [f64; 3],
+    /// Velocity of the hub through the air over the tip speed: forward,
+    /// sideways and down the shaft, own hub frame.
+    pub advance: [f64; 3],
     /// β_1c, β_1s, rad.
     pub flapping: [f64; 2],
     /// θ_0, θ_1c, θ_1s, rad.
@@ -37,6 +41,8 @@ pub struct RotorOutput {
     /// Flap angle of blade 1 against its precone, rad: on a teetering hub the
     /// teeter angle.
     pub teeter_angle: f64,
+    /// What the sections of its blades meet.
+    pub census: Census,
     /// Coning β_0, rad; zero where blades do not cone.
     pub coning: f64,
 }
@@ -122,12 +128,14 @@ impl Vehicle {
                     power: moment_hub[2] * shaft.speed,
                     inflow: work.inflow[index],
                     self_inflow: three(state, places.self_inflow),
+                    advance: work.hub[index][0].0.map(|v| v / rotor.tip_speed()),
                     flapping,
                     pitch,
                     force_hub,
                     moment_hub,
                     profile_power: blades.profile,
                     induced_power: blades.induced,
+                    census: blades.census,
                     inexact_power: rotor.inexact_power(
                         &input,
                         shaft,

@@ -32,6 +32,7 @@ use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
 use crate::vehicle::blades::{BladeBody, BladeSet, Mode};
+use crate::vehicle::census::{Census, SectionFlow};
 use crate::vehicle::frames::{HubFrame, position_body};
 use std::f64::consts::{PI, TAU};
 
@@ -273,6 +274,8 @@ pub struct BladePower {
     pub profile: f64,
     /// Blade force times induced velocity, W.
     pub induced: f64,
+    /// What the sections meet.
+    pub census: Census,
 }
 
 impl Spanwise {
@@ -1186,6 +1189,14 @@ impl PowerProbe<'_> {
                 let air_f = velocity_f + rate_f.cross(place + hinge) + flap_f.cross(place)
                     - Vec3([0.0, 0.0, inflow]);
                 let (ut, up, ur) = (-air_f.0[1], air_f.dot(blade_k), air_f.dot(blade_i));
+                let flow = SectionFlow {
+                    station: (rotor.offset + x) / rotor.radius,
+                    azimuth,
+                    angle_of_attack: pitch + element.twist + arc_tangent(up, ut),
+                    mach: (ut * ut + up * up + ur * ur).sqrt() / rotor.sound_speed,
+                    along_chord: ut / rotor.tip_speed(),
+                };
+                self.power.census.add(&rotor.section, flow);
                 if let Some(section) = rotor.small_angles {
                     // Lift does no work here; drag works along u_T.
                     let angle = pitch + element.twist - section.zero_lift_angle;

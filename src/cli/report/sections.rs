@@ -15,6 +15,7 @@ use super::Inputs;
 use super::gather::{Checked, Linear, Revolution, Study};
 use crate::cli::{CliError, output};
 use coaxdesign::control::axis::Channel;
+use coaxdesign::control::law::LawTable;
 use coaxdesign::control::plant::ModelClass;
 use coaxdesign::control::verify::{Row, Verdict};
 use coaxdesign::linear::frequency::{compare, log_grid};
@@ -28,7 +29,8 @@ use coaxdesign::report::figures::{
     interference_figure, orbit_figure,
 };
 use coaxdesign::report::html::Section;
-use coaxdesign::report::law::{LawLabels, closed_loop, inner_loop, outer_loop};
+use coaxdesign::report::law::{Flow, LawLabels, closed_loop, computed, inner_loop, outer_loop};
+use coaxdesign::report::plot::diagram::Diagram;
 use coaxdesign::report::plot::{Figure, Legend};
 use coaxdesign::report::table::{Cell, Column, Digits, Highlight, Table, decimals, significant};
 use coaxdesign::report::three_view::{
@@ -748,7 +750,17 @@ pub(super) fn law(inputs: &Inputs, system: System) -> Section {
         sensors: format!("{} rad/s", number(hardware.sensor_bandwidth)),
         turn_speed: speed_of(inputs.schedule.turn_coordination_speed, system),
     };
-    Section::new("Control law")
+    let section = Section::new("Control law");
+    // The diagram that the law is stepped, linearised and written from.
+    let section = match inputs.law() {
+        Ok(table) => section.diagram(
+            law_as_computed(&table),
+            "The law as it is computed: the groups of its blocks, and what flows between them. \
+             Exported code has these groups as its sections and these names.",
+        ),
+        Err(_) => section,
+    };
+    section
         .diagram(
             closed_loop(&labels),
             "The closed loop: sticks are in percent, V is true airspeed. After Fig. 10 of the \
@@ -765,6 +777,29 @@ pub(super) fn law(inputs: &Inputs, system: System) -> Section {
              Commands go through the exact inverse, feedback through an allocation of its own, \
              with a share κ of the velocity feedback. After Fig. 12.",
         )
+}
+
+/// The groups of the law's blocks and what flows between them.
+fn law_as_computed(table: &LawTable) -> Diagram {
+    let mut law = table.diagram(0.01, [[0.0, 100.0]; 4], false, false);
+    law.monitors.clear();
+    let law = law.pruned();
+    // Groups of inputs alone, or of what only engaging needs, have no box.
+    let shown: Vec<usize> = (0..law.groups.len())
+        .filter(|g| law.flow().iter().any(|(from, to, _)| from == g || to == g))
+        .collect();
+    let titles: Vec<&str> = shown.iter().map(|g| law.groups[*g].title.as_str()).collect();
+    let place = |group: usize| shown.iter().position(|g| *g == group).unwrap_or_default();
+    let flows: Vec<Flow> = law
+        .flow()
+        .into_iter()
+        .map(|(from, to, names)| Flow {
+            from: place(from),
+            to: place(to),
+            signals: names.into_iter().map(String::from).collect(),
+        })
+        .collect();
+    computed(&titles, &flows)
 }
 
 /// Gains over speed.

@@ -52,22 +52,13 @@ typedef struct {
     @P@_real vertical_velocity; /* down positive, m/s */
 } @P@_demand;
 
+/* Places in a delay line. */
+#define @U@_LINE (@NL@u)
+
 /* The law's memory. Its members are private. */
 typedef struct {
-    /* phi, theta, r, V_z, then V_x and V_y: value, rate, acceleration */
-    @P@_real reference[6][3];
-    @P@_real history[@U@_DELAY + 1u][6][2]; /* values and rates, a ring */
-    unsigned int newest;
-    @P@_real turn[3];             /* rate of turn as bank can follow it */
-    @P@_real velocity_command[2]; /* lags of the commands forward and to the right */
-    @P@_real velocity_rest[2];    /* what rounding has left out of them so far */
-    unsigned int velocity_mode;   /* whether the last step was under a velocity demand */
-    @P@_real integral[4];
-    @P@_real velocity_integral[2];
-    @P@_real model[2];         /* u, v of the reference model, from trim */
-    @P@_real trim_velocity[2]; /* u, v of the trim at the last step */
+@MEMBERS@    unsigned int oldest; /* place of the delay lines' oldest numbers */
     @P@_real sticks[4];
-    unsigned int started;
 } @P@_state;
 
 /* Outcome of a step. */

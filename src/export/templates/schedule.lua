@@ -62,11 +62,9 @@ function law.at(speed)
 end
 
 -- Weight of turn coordination at a true airspeed: 0 below the blend, 1 above.
-function law.turn_blend(speed)
+function law.turn_blend(airspeed)
     local c = law.constants
-    local t = (speed - c.turn_coordination_speed) / c.turn_coordination_width + 0.5
-    t = math.min(math.max(t, 0.0), 1.0)
-    return t * t * (3.0 - 2.0 * t)
+@TURN_BLEND@    return turn_blend
 end
 
 return law
