@@ -5,6 +5,7 @@ use clap::{Args, ValueEnum};
 use super::args::OutputArgs;
 use super::{CliError, Outcome};
 use coaxdesign::export::schema::{law_schema, schedule_schema};
+use coaxdesign::lti::schema::set_schema;
 use coaxdesign::problem;
 
 /// Write the JSON Schema of problem files or of results, for editors and other programs
@@ -26,6 +27,8 @@ enum Kind {
     Schedule,
     /// The JSON export of a schedule
     Law,
+    /// Linear models over speed, as JSON
+    LtiSet,
 }
 
 impl Schema {
@@ -34,6 +37,7 @@ impl Schema {
             Kind::Problem => problem::schema::json_schema(),
             Kind::Schedule => schedule_schema(),
             Kind::Law => law_schema(),
+            Kind::LtiSet => set_schema(),
         };
         let text = serde_json::to_string_pretty(&schema)
             .map_err(|error| CliError::Internal(error.to_string()))?;
