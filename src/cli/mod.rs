@@ -10,6 +10,7 @@ mod check;
 mod compare;
 mod completions;
 mod design;
+mod designs;
 mod error;
 mod export;
 mod fly;

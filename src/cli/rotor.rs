@@ -153,7 +153,7 @@ impl Rotor {
         let name = &problem.rotors[index].name;
         let system = self.units.system();
         let title = format!("{}: rotor {name} on a stand", problem.name);
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table(&title, &points, system).to_text(Coloring::for_stdout()),
             Format::Csv => table(&title, &points, system).to_csv(),
             Format::Json => json_text(&problem.name, name, &points)?,

@@ -238,8 +238,9 @@ impl FlightArgs {
 impl Trim {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         self.run.start()?;
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
@@ -258,7 +259,7 @@ impl Trim {
             }
         }
         let system = self.units.system();
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table(problem, &points, system),
             Format::Csv => csv(problem, &points, system),
             Format::Json => json_text(problem, &points, system)?,
@@ -456,7 +457,7 @@ fn blades_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) ->
             any = true;
             let worst = &census.worst;
             table.row([
-                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
+                Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
                 Cell::from(on_off(point.interactions)),
                 Cell::from(rotor.name.as_str()),
                 Cell::from(100.0 * shares[0]),
@@ -573,7 +574,7 @@ fn clean(value: f64) -> Json {
     json!(digits)
 }
 
-fn json_text(
+pub(super) fn json_text(
     problem: &Problem,
     sweeps: &[Vec<TrimPoint>],
     system: System,
