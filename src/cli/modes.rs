@@ -7,8 +7,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
-use super::bode::speed_text;
+use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::bode::{speed_key, speed_text};
 use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
@@ -44,6 +44,8 @@ pub struct Modes {
     reduce: ReduceArgs,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
     /// Plot the eigenvalues to an SVG file
@@ -90,8 +92,9 @@ struct Listing {
 impl Modes {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         if self.model == Choice::Floquet && self.reduce.reduce.is_some() {
             return Err(CliError::Usage {
@@ -109,19 +112,22 @@ impl Modes {
         };
         let mut listings: Vec<Listing> =
             flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
+        let (speed, system) = (condition.horizontal_speed(), self.units.system());
         if let Some(published) = published(problem, knots)? {
             listings.push(published);
         }
-        let title = format!("{}: {} at {}", problem.name, self.title(), speed_text(knots));
+        let title = format!("{}: {} at {}", problem.name, self.title(), speed_text(speed, system));
         if let Some(path) = &self.plot {
             let svg = figure(&title, &listings).to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => tables(&title, &listings),
             Format::Csv => csv(&listings),
-            Format::Json => json_text(&problem.name, knots, &self.title(), &listings)?,
+            Format::Json => {
+                json_text(&problem.name, speed_key(speed, system), &self.title(), &listings)?
+            }
         };
         self.output.write(&text)
     }
@@ -374,7 +380,7 @@ fn csv(listings: &[Listing]) -> String {
 
 fn json_text(
     name: &str,
-    knots: f64,
+    (speed_key, speed): (&str, f64),
     model: &str,
     listings: &[Listing],
 ) -> Result<String, CliError> {
@@ -393,7 +399,7 @@ fn json_text(
     let all = json!({
         "schema": "coaxdesign.modes/1",
         "name": name,
-        "speed_kt": knots,
+        speed_key: speed,
         "model": model,
         "models": models,
     });

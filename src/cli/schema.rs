@@ -4,10 +4,12 @@ use clap::{Args, ValueEnum};
 
 use super::args::OutputArgs;
 use super::{CliError, Outcome};
+use coaxdesign::control::spec;
 use coaxdesign::export::schema::{law_schema, schedule_schema};
-use coaxdesign::problem;
+use coaxdesign::problem::schema::{json_schema, json_schema_of};
+use coaxdesign::simulate::maneuver;
 
-/// Write the JSON Schema of problem files or of results, for editors and other programs
+/// Write the JSON Schema of input files or of results, for editors and other programs
 #[derive(Debug, Args)]
 pub struct Schema {
     /// Files that the schema is of
@@ -22,6 +24,10 @@ pub struct Schema {
 enum Kind {
     /// Problem files
     Problem,
+    /// Specifications
+    Specification,
+    /// Manoeuvres
+    Maneuver,
     /// schedule.json
     Schedule,
     /// The JSON export of a schedule
@@ -31,7 +37,9 @@ enum Kind {
 impl Schema {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         let schema = match self.kind {
-            Kind::Problem => problem::schema::json_schema(),
+            Kind::Problem => json_schema(),
+            Kind::Specification => json_schema_of("coaxdesign specification", &spec::ROOT),
+            Kind::Maneuver => json_schema_of("coaxdesign manoeuvre", &maneuver::ROOT),
             Kind::Schedule => schedule_schema(),
             Kind::Law => law_schema(),
         };
