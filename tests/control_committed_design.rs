@@ -48,7 +48,7 @@ impl Kept {
 
     fn command(&self) -> String {
         format!(
-            "regenerate with `coaxdesign tune-gains --spec {} -o {} --force`",
+            "regenerate with `coaxdesign tune-gains coax2d --spec {} -o {} --force`",
             self.specification, self.design
         )
     }
@@ -170,5 +170,29 @@ fn holds(kept: &Kept, set: &ModelSet) {
             }
         }
         assert_eq!(r.passed, k.passed);
+    }
+}
+
+/// The kept designs are directories that hold all that made them: the inputs
+/// of this tree, to the byte.
+#[test]
+fn the_designs_hold_their_inputs() {
+    use coaxdesign::pipeline::Requirements;
+    use coaxdesign::pipeline::directory::{DesignInputs, Note};
+    use std::path::Path;
+    let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}"));
+    for kept in KEPT {
+        let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join(kept.design);
+        let inside = DesignInputs::read(&directory).unwrap_or_else(|e| panic!("{e}")).unwrap();
+        let provenance = kept.schedule().provenance;
+        assert_eq!(inside.note.aircraft.problem.hash, provenance.problem_hash);
+        assert_eq!(inside.note.specification.hash, provenance.specification_hash);
+        assert_eq!(inside.requirements.text, kept.specification(), "{}", kept.command());
+        let spec = Requirements::parse("spec.toml", &kept.specification()).unwrap();
+        let fresh = Note::new(&problem, &spec);
+        assert_eq!(inside.note.aircraft, fresh.aircraft, "{}", kept.command());
+        for (name, bytes) in fresh.files(&problem, &spec) {
+            assert_eq!(std::fs::read(directory.join(&name)).unwrap(), bytes, "{name}");
+        }
     }
 }

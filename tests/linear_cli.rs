@@ -117,7 +117,7 @@ fn bode_gives_every_pair_in_every_form() {
     let directory = tempfile::tempdir().unwrap();
     let run = |more: &str| {
         let arguments = format!(
-            "bode --input lat,lon --output p,q --omega 0.1:10 --points 11 --interactions both \
+            "bode --input lat,lon --response p,q --omega 0.1:10 --points 11 --interactions both \
              --reduced --quiet {more}"
         );
         program(directory.path(), &arguments)
@@ -141,8 +141,8 @@ fn bode_gives_every_pair_in_every_form() {
 #[test]
 fn bad_input_is_named_with_what_to_write_instead() {
     for (arguments, message) in [
-        ("bode --input latt --output p", "did you mean \"lat\""),
-        ("bode --input lat --output thet", "did you mean \"theta\""),
+        ("bode --input latt --response p", "did you mean \"lat\""),
+        ("bode --input lat --response thet", "did you mean \"theta\""),
         ("bode --omega 30:0.1", "0.1:30"),
         ("linearize --reduce residualize --keep u,v,w,p,q,r,phi,thta", "did you mean \"theta\""),
         ("linearize --reduce residualize --keep u,u", "u"),

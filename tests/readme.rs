@@ -167,3 +167,77 @@ fn every_output_in_the_readme_is_real() {
         assert!(wrong.is_empty(), "run with UPDATE_README=1 to renew the page\n{wrong}");
     }
 }
+
+/// A specification that is tuned in seconds, for the tour below: the README's
+/// commands take it from the design.
+const SMALL: &str = r#"
+[schedule]
+speeds = ["0 kt", "20 kt"]
+[margins.nominal]
+gain_margin_db = 4.0
+phase_margin = "30 deg"
+[axis.roll]
+drb = "0.3 rad/s"
+[axis.pitch]
+drb = "0.3 rad/s"
+[axis.yaw]
+drb = "0.3 rad/s"
+[axis.heave]
+drb = "0.3 rad/s"
+"#;
+
+/// Commands of the page that a test does not run: they build or test the
+/// program itself, or tune all built-in problems to the built-in specification,
+/// which the continuous integration does.
+const ELSEWHERE: [&str; 3] = ["cargo ", ".ci/run", "coaxdesign validate"];
+
+/// The commands of the `sh` blocks, in the order of the page, for a user's own
+/// aircraft in a fresh directory. Nothing of the built-in aircraft may come in.
+#[test]
+fn the_tour_works_for_an_aircraft_of_ones_own() {
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md"));
+    let page = page.unwrap();
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    printed("coaxdesign new mine.toml", here);
+    std::fs::write(here.join("small.toml"), SMALL).unwrap();
+    let mut inside = false;
+    let mut ran = Vec::new();
+    for line in page.lines() {
+        match line {
+            "```sh" => inside = true,
+            "```" => inside = false,
+            line if inside => {
+                let command = line.split(" #").next().unwrap().trim();
+                if command.is_empty() || ELSEWHERE.iter().any(|start| command.starts_with(start)) {
+                    continue;
+                }
+                // The one change: the first design is tuned to fewer speeds.
+                let command = if command.starts_with("coaxdesign design ") {
+                    format!("{command} --spec small.toml --speeds 0,20kt")
+                } else {
+                    command.to_string()
+                };
+                let told = printed(&command, here).join("\n");
+                assert!(!told.contains("error:"), "{command}\n{told}");
+                if command.contains("designs/mine") && !command.contains(" export ") {
+                    assert!(told.contains("starter"), "{command}\n{told}");
+                }
+                ran.push((command, told));
+            }
+            _ => {}
+        }
+    }
+    let told = |start: &str| &ran.iter().find(|(command, _)| command.starts_with(start)).unwrap().1;
+    for start in ["linearize", "bode", "design", "tune-gains", "verify", "simulate", "export"] {
+        told(&format!("coaxdesign {start}"));
+    }
+    // What the tuning said of its rows is what the verification says.
+    let count = |text: &str| {
+        text.lines().find(|line| line.contains("nominal rows met")).map(str::to_owned).unwrap()
+    };
+    assert_eq!(count(told("coaxdesign tune-gains")), count(told("coaxdesign verify")));
+    for file in ["models.mat", "bode.svg", "flight.csv", "flight.svg", "law", "designs/mine"] {
+        assert!(here.join(file).exists(), "{file}");
+    }
+}

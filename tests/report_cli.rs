@@ -101,7 +101,16 @@ fn a_report_says_what_does_not_belong_together() {
     std::fs::remove_file(design.join("verification.json")).unwrap();
     let other = program(
         here,
-        &["report", "small", "--problem", "coax2d-physics", "--speeds", "0 kt", "--quiet"],
+        &[
+            "report",
+            "small",
+            "--problem",
+            "coax2d-physics",
+            "--other-aircraft",
+            "--speeds",
+            "0 kt",
+            "--quiet",
+        ],
     );
     assert_eq!(code(&other), 0, "{}", err(&other));
     let html = std::fs::read_to_string(design.join("report.html")).unwrap();
@@ -217,10 +226,17 @@ fn a_design_runs_what_has_changed_and_nothing_else() {
     for (file, old) in files.iter().zip(&before) {
         assert!(bytes(file) == *old, "{file} is another");
     }
-    // The note says where problem and specification are.
+    // The directory holds problem and specification, and says what they are.
     let note: Value = serde_json::from_slice(&bytes("design.json")).unwrap();
-    assert_eq!(note["problem"]["builtin"], "coax2d");
-    assert_eq!(note["specification"]["file"], "../small.toml");
+    assert_eq!(note["aircraft"]["name"], "coax2d");
+    assert_eq!(note["aircraft"]["problem"]["file"], "problem/coax2d.toml");
+    assert_eq!(note["specification"]["origin"], "small.toml");
+    assert_eq!(bytes("specification.toml"), SMALL_SPEC.as_bytes());
+    assert_eq!(note["maneuvers"][0]["file"], "maneuvers/accel-climb-turn.toml");
+    // A stage of the design is what its command gives.
+    let line = "linearize --speeds 0,10kt --reduce residualize --format json --units si --quiet";
+    let alone = program(here, &line.split(' ').collect::<Vec<_>>());
+    assert_eq!(alone.stdout, bytes("models.json"));
     // A changed specification leaves the trim alone.
     std::fs::write(here.join("small.toml"), format!("{SMALL_SPEC}\n# Another.\n")).unwrap();
     let changed = design(&[]);

@@ -5,28 +5,29 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::error::color;
+use super::models::PointArgs;
 use super::output;
 use super::{CliError, Outcome};
 use coaxdesign::lti::mapping::Mapping;
-use coaxdesign::lti::{self, LtiSet};
+use coaxdesign::lti::stitch::Stitched;
+use coaxdesign::lti::{self, LtiSet, PointModel};
+use coaxdesign::pipeline::PipelineError;
+use coaxdesign::pipeline::directory::DesignInputs;
 use coaxdesign::problem::{self, Loaded};
-use coaxdesign::units::System;
-
-/// Environment variable that a design sets for its stages.
-pub(super) const STAGE: &str = "COAXDESIGN_STAGE";
+use coaxdesign::units::{KNOT, Kind, System, parse_quantity};
 
 /// The problem to work on.
 #[derive(Debug, Clone, Args)]
 pub struct ProblemArgs {
     /// Problem file, or the name of a built-in one: coax2d (the default), coax2d-appendix,
-    /// coax2d-physics
+    /// coax2d-physics; or the directory of a design, whose aircraft it is
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 }
 
 impl ProblemArgs {
-    /// Reads the problem. A built-in name is taken where no file has it; a
-    /// directory, such as that of a design, is no problem file.
+    /// Reads the problem. A built-in name is taken where no file has it; of
+    /// the directory of a design it is the aircraft.
     ///
     /// # Errors
     /// Every error of the file at once.
@@ -34,10 +35,18 @@ impl ProblemArgs {
         let Some(path) = &self.file else {
             return Ok(problem::builtin()?);
         };
-        match builtin_name(path) {
-            Some(name) => Ok(problem::builtin_named(name)?),
-            None => Ok(problem::load(path)?),
+        let loaded = match builtin_name(path) {
+            Some(name) => return Ok(problem::builtin_named(name)?),
+            None if path.is_dir() => match DesignInputs::read(path)? {
+                Some(design) => design.aircraft,
+                None => problem::load(path)?,
+            },
+            None => problem::load(path)?,
+        };
+        for file in loaded.sources.files() {
+            output::is_input(&file.path);
         }
+        Ok(loaded)
     }
 
     /// Reads the problem and shows its warnings on standard error, unless
@@ -47,13 +56,17 @@ impl ProblemArgs {
     /// As [`ProblemArgs::load`].
     pub fn load_with_warnings(&self, quiet: bool) -> Result<Loaded, CliError> {
         let loaded = self.load()?;
-        // A design has shown them once for all its stages.
-        if !quiet && std::env::var_os(STAGE).is_none() {
-            for warning in &loaded.warnings {
-                output::note(&(warning.render(color()) + "\n"));
-            }
+        if !quiet {
+            show_warnings(&loaded);
         }
         Ok(loaded)
+    }
+}
+
+/// Shows the warnings of a problem on standard error.
+pub(super) fn show_warnings(loaded: &Loaded) {
+    for warning in &loaded.warnings {
+        output::note(&(warning.render(color()) + "\n"));
     }
 }
 
@@ -102,12 +115,58 @@ impl ModelsArgs {
             });
         }
         let set = lti::load(&path, mapping)?;
-        if !quiet && std::env::var_os(STAGE).is_none() {
+        if !quiet {
             for text in &set.notes {
                 output::note(&format!("note: {text}\n"));
             }
         }
         Ok(Some(set))
+    }
+
+    /// The set and its model at the speed of a point; between the models of the
+    /// set that of the stitched model. `None` without `--models`.
+    ///
+    /// # Errors
+    /// As [`ModelsArgs::load`], a speed outside the set, or flight that is not
+    /// level.
+    pub fn point(
+        &self,
+        problem: &ProblemArgs,
+        spec: Option<&Path>,
+        point: &PointArgs,
+        quiet: bool,
+    ) -> Result<Option<(LtiSet, PointModel)>, CliError> {
+        if self.models.is_none() {
+            return Ok(None);
+        }
+        let mapping = match spec {
+            Some(path) => coaxdesign::control::spec::load(path)?.models_from,
+            None => Mapping::default(),
+        };
+        let Some(set) = self.load(problem, &mapping, "", quiet)? else { return Ok(None) };
+        let usage = |message: String, help: &str| CliError::Usage { message, help: help.into() };
+        let speed = parse_quantity(&point.speed, Kind::Airspeed).map_err(|error| {
+            usage(format!("--speed {:?}: {error}", point.speed), "write --speed \"45 kt\"")
+        })?;
+        if let Some(own) = set.at(speed) {
+            let own = own.clone();
+            return Ok(Some((set, own)));
+        }
+        let speeds = set.speeds();
+        let (low, high) = (speeds[0], speeds[speeds.len() - 1]);
+        if !(low..=high).contains(&speed) {
+            let list: Vec<String> = speeds.iter().map(|v| format!("{:.0}", v / KNOT)).collect();
+            let message = format!(
+                "--speed {:?}: the set has models from {:.0} to {:.0} kt",
+                point.speed,
+                low / KNOT,
+                high / KNOT
+            );
+            return Err(usage(message, &format!("its speeds are {} kt", list.join(", "))));
+        }
+        let stitched = Stitched::new(&set, mapping.inertia).map_err(PipelineError::from)?;
+        let between = stitched.at(speed).map_err(PipelineError::from)?;
+        Ok(Some((set, between)))
     }
 }
 
@@ -155,18 +214,90 @@ pub enum Format {
     Json,
 }
 
+impl FileForm for Format {
+    const ENDINGS: &'static [(&'static str, Self)] = &[
+        ("txt", Format::Table),
+        ("md", Format::Table),
+        ("csv", Format::Csv),
+        ("json", Format::Json),
+    ];
+    const USUAL: Self = Format::Table;
+}
+
+/// Forms that the ending of a file's name chooses.
+pub trait FileForm: Copy + PartialEq + ValueEnum + 'static {
+    /// Endings without the dot, in lower case, and what they mean.
+    const ENDINGS: &'static [(&'static str, Self)];
+    /// The form where nothing says one.
+    const USUAL: Self;
+}
+
+/// The form of a result: what `--format` says, else what the ending of the
+/// file's name says, else the usual one.
+///
+/// # Errors
+/// An ending that says another form than `--format`, or, without it, one that
+/// says none.
+pub fn form_of<F: FileForm>(asked: Option<F>, file: Option<&Path>) -> Result<F, CliError> {
+    let ending = file.and_then(|path| path.extension()).map(|e| e.to_string_lossy().to_lowercase());
+    let (Some(file), Some(ending)) = (file, ending) else {
+        return Ok(asked.unwrap_or(F::USUAL));
+    };
+    let meant = F::ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, form)| *form);
+    let name = |form: F| form.to_possible_value().map_or(String::new(), |v| v.get_name().into());
+    match (asked, meant) {
+        (Some(asked), Some(meant)) if asked != meant => Err(CliError::Usage {
+            message: format!(
+                "{}: the ending says {}, but --format says {}",
+                file.display(),
+                name(meant),
+                name(asked)
+            ),
+            help: "leave --format out, or give the file another ending".into(),
+        }),
+        (Some(asked), _) => Ok(asked),
+        (None, Some(meant)) => Ok(meant),
+        (None, None) => {
+            let known: Vec<String> =
+                F::ENDINGS.iter().map(|(ending, _)| format!(".{ending}")).collect();
+            Err(CliError::Usage {
+                message: format!(
+                    "{}: this result has no form that ends in .{ending}",
+                    file.display()
+                ),
+                help: format!("end the name in {}, or say --format", known.join(", ")),
+            })
+        }
+    }
+}
+
 /// `--format table|csv|json`.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FormatArgs {
-    /// Form of the result
-    #[arg(long, value_enum, default_value = "table")]
-    pub format: Format,
+    /// Form of the result [default: what the ending of -o says, else table]
+    #[arg(long, value_enum)]
+    pub format: Option<Format>,
+}
+
+impl FormatArgs {
+    /// The form of a result that goes to standard output.
+    pub fn shown(self) -> Format {
+        self.format.unwrap_or(Format::USUAL)
+    }
+
+    /// The form of a result.
+    ///
+    /// # Errors
+    /// As [`form_of`].
+    pub fn of(self, output: &OutputArgs) -> Result<Format, CliError> {
+        form_of(self.format, output.file())
+    }
 }
 
 /// `-o FILE` and `--force`.
 #[derive(Debug, Clone, Args)]
 pub struct OutputArgs {
-    /// File to write instead of standard output
+    /// File to write instead of standard output; - is standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace files that are already there
@@ -175,25 +306,58 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
+    /// The file to write; none for standard output.
+    pub fn file(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|path| *path != Path::new("-"))
+    }
+
     /// Refuses an output file that is already there. To be called before a
     /// long computation, so that its result is not lost.
     ///
     /// # Errors
     /// [`CliError::Exists`].
     pub fn check(&self) -> Result<(), CliError> {
-        self.output.as_deref().map_or(Ok(()), |path| self.check_path(path))
+        match self.file() {
+            Some(path) if path.exists() && !self.force => {
+                Err(CliError::Exists { path: path.into() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// As [`OutputArgs::check`], for another file that the same `--force`
     /// governs.
     ///
     /// # Errors
-    /// [`CliError::Exists`].
+    /// [`CliError::Exists`], and a file that is the one of `-o`.
     pub fn check_path(&self, path: &Path) -> Result<(), CliError> {
+        if self.file().is_some_and(|own| output::same_file(own, path)) {
+            return Err(CliError::Usage {
+                message: format!("{}: two results cannot go to one file", path.display()),
+                help: "give -o and the other file different names".into(),
+            });
+        }
         if path.exists() && !self.force {
             return Err(CliError::Exists { path: path.into() });
         }
         Ok(())
+    }
+
+    /// As [`OutputArgs::check_path`], for a plot.
+    ///
+    /// # Errors
+    /// As there, and a name that ends in the form of another kind of picture.
+    pub fn check_plot(&self, path: &Path) -> Result<(), CliError> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            None | Some("svg") => self.check_path(path),
+            Some(other) => Err(CliError::Usage {
+                message: format!("{}: plots are not written as .{other}", path.display()),
+                help: "end the name in .svg: a vector picture that browsers, Inkscape and office \
+                       programs open and can save as PNG or PDF"
+                    .into(),
+            }),
+        }
     }
 
     /// Writes a result to the file, or to standard output.
@@ -201,7 +365,7 @@ impl OutputArgs {
     /// # Errors
     /// [`CliError::Exists`] and [`CliError::Io`].
     pub fn write(&self, text: &str) -> Result<Outcome, CliError> {
-        match &self.output {
+        match self.file() {
             Some(path) => output::write_whole(path, text.as_bytes(), self.force)?,
             None => output::print(text)?,
         }

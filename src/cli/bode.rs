@@ -6,7 +6,7 @@ use clap::Args;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::models::{Choice, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
@@ -30,6 +30,11 @@ pub struct Bode {
     #[command(flatten)]
     problem: ProblemArgs,
     #[command(flatten)]
+    models: ModelsArgs,
+    /// Specification whose [models_from] maps the names and units of the set
+    #[arg(long, value_name = "SPEC", requires = "models")]
+    spec: Option<PathBuf>,
+    #[command(flatten)]
     point: PointArgs,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "on")]
@@ -41,9 +46,9 @@ pub struct Bode {
     /// otherwise all]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     input: Vec<String>,
-    /// Outputs, such as p,q [default: p,q,w,r]
+    /// Outputs of the model, such as p,q [default: p,q,w,r]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    output: Vec<String>,
+    response: Vec<String>,
     /// Frequencies, FROM:TO in rad/s
     #[arg(long, value_name = "FROM:TO", default_value = "0.1:30", value_parser = range)]
     omega: (f64, f64),
@@ -61,12 +66,8 @@ pub struct Bode {
     format: FormatArgs,
     #[command(flatten)]
     units: UnitsArgs,
-    /// File to write instead of standard output
-    #[arg(short = 'o', long, value_name = "FILE")]
-    output_file: Option<PathBuf>,
-    /// Replace files that are already there
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    output: OutputArgs,
     /// Plot the responses to an SVG file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -112,13 +113,31 @@ struct Pair {
 
 impl Bode {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
-        // `--output` names an output of the model here, not a file.
-        let files = OutputArgs { output: self.output_file.clone(), force: self.force };
-        files.check()?;
+        self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            files.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         self.run.start()?;
+        if let Some((set, point)) =
+            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        {
+            let m = &point.model;
+            // Every state may be looked at.
+            let model = StateSpace::with_state_outputs(
+                m.states().to_vec(),
+                m.inputs().to_vec(),
+                m.a().clone(),
+                m.b().clone(),
+            )?;
+            let entries = vec![Entry {
+                interactions: false,
+                reduced: false,
+                label: point.label.clone(),
+                model,
+            }];
+            return self.show(&set.name, point.speed, &entries);
+        }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let condition = self.point.condition(&mut loaded.problem)?;
         let problem = &loaded.problem;
@@ -161,6 +180,11 @@ impl Bode {
                 entries.push(entry(true, reduced.model));
             }
         }
+        self.show(&problem.name, condition.horizontal_speed(), &entries)
+    }
+
+    /// Responses of the models asked for, at a speed, m/s.
+    fn show(&self, name: &str, speed: f64, entries: &[Entry]) -> Result<Outcome, CliError> {
         let (from, to) = self.omega;
         let omega = log_grid(from, to, self.points as usize)?;
         let system = self.units.system();
@@ -168,7 +192,7 @@ impl Bode {
         if self.plot.is_some() && named.len() > MOST_PLOTTED {
             return Err(CliError::Usage {
                 message: format!("{} pairs of input and output do not fit a plot", named.len()),
-                help: format!("choose at most {MOST_PLOTTED} by --input and --output"),
+                help: format!("choose at most {MOST_PLOTTED} by --input and --response"),
             });
         }
         let labelled: Vec<(&str, &StateSpace)> =
@@ -187,23 +211,22 @@ impl Bode {
                 })
             })
             .collect::<Result<_, LinearError>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
-        let title = format!("{}: {} at {}", problem.name, self.model.label(), speed_text(knots));
+        let title = format!("{name}: {} at {}", self.model.label(), speed_text(speed, system));
         if let Some(path) = &self.plot {
-            let svg = figure(&title, &entries, &pairs).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.force)?;
+            let svg = figure(&title, entries, &pairs).to_svg();
+            output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => tables(&title, &pairs),
-            Format::Csv => csv(&entries, &pairs),
-            Format::Json => json_text(&problem.name, knots, self.model, &entries, &pairs)?,
+            Format::Csv => csv(entries, &pairs),
+            Format::Json => json_text(name, speed_key(speed, system), self.model, entries, &pairs)?,
         };
-        files.write(&text)
+        self.output.write(&text)
     }
 
     /// The pairs asked for, by name.
     fn pairs(&self, model: &StateSpace) -> Result<Vec<(String, String)>, CliError> {
-        if self.input.is_empty() && self.output.is_empty() {
+        if self.input.is_empty() && self.response.is_empty() {
             return Ok(on_axis(model)?);
         }
         let inputs: Vec<String> = if self.input.is_empty() {
@@ -211,10 +234,10 @@ impl Bode {
         } else {
             self.input.clone()
         };
-        let outputs: Vec<String> = if self.output.is_empty() {
+        let outputs: Vec<String> = if self.response.is_empty() {
             ["p", "q", "w", "r"].map(str::to_owned).to_vec()
         } else {
-            self.output.clone()
+            self.response.clone()
         };
         for name in &inputs {
             model.input(name)?;
@@ -229,9 +252,20 @@ impl Bode {
     }
 }
 
-/// A speed in a title.
-pub(super) fn speed_text(knots: f64) -> String {
-    format!("{} kt", output::significant((knots * 1e6).round() / 1e6, 6))
+/// A speed in a title, from m/s.
+pub(super) fn speed_text(speed: f64, system: System) -> String {
+    let shown = Kind::Airspeed.from_si(speed, system);
+    let unit = Kind::Airspeed.symbol(system);
+    format!("{} {unit}", output::significant((shown * 1e6).round() / 1e6, 6))
+}
+
+/// A speed in JSON: its key, which says the unit, and its value, from m/s.
+pub(super) fn speed_key(speed: f64, system: System) -> (&'static str, f64) {
+    let key = match system {
+        System::Us => "speed_kt",
+        System::Si => "speed_m_s",
+    };
+    (key, Kind::Airspeed.from_si(speed, system))
 }
 
 /// Unit of `over` per `under`, for people.
@@ -350,7 +384,7 @@ fn csv(entries: &[Entry], pairs: &[Pair]) -> String {
 
 fn json_text(
     name: &str,
-    knots: f64,
+    (speed_key, speed): (&str, f64),
     model: Choice,
     entries: &[Entry],
     pairs: &[Pair],
@@ -378,7 +412,7 @@ fn json_text(
     let all = json!({
         "schema": "coaxdesign.frequency-response/1",
         "name": name,
-        "speed_kt": knots,
+        speed_key: speed,
         "model": model.label(),
         "omega_rad_per_s": omega,
         "responses": responses,

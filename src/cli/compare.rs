@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs, builtin_name};
+use super::designs::SourceArgs;
 use super::modes::plane;
+use super::report::Inputs;
 use super::report::gather::Checked;
-use super::report::{Inputs, directory_of};
 use super::trim::{attitude, curves, least_margin, on_off, parse_speeds};
 use super::tune::usage;
 use super::{CliError, Outcome, output};
@@ -91,8 +92,18 @@ struct Subject {
 impl Compare {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
-        for path in self.plot.iter().chain(&self.html) {
-            self.output.check_path(path)?;
+        self.format.of(&self.output)?;
+        if let Some(plot) = &self.plot {
+            self.output.check_plot(plot)?;
+        }
+        if let Some(html) = &self.html {
+            self.output.check_path(html)?;
+            if self.plot.as_ref().is_some_and(|plot| output::same_file(plot, html)) {
+                return Err(usage(
+                    format!("{}: two results cannot go to one file", html.display()),
+                    "give --plot and --html different names",
+                ));
+            }
         }
         self.run.start()?;
         let system = self.units.system();
@@ -107,7 +118,7 @@ impl Compare {
             .collect::<Result<_, _>>()?;
         progress.finish();
         let table = table(&subjects, &conditions, system);
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Table => table.to_text(Coloring::for_stdout()),
             Format::Csv => table.to_csv(),
             Format::Json => json_text(&subjects)?,
@@ -177,7 +188,7 @@ fn read(path: &Path, quiet: bool) -> Result<(Problem, Option<Checked>), CliError
         ));
     }
     if (path.is_dir() && builtin.is_none()) || schedule {
-        let inputs = Inputs::find(directory_of(path), None, None)?;
+        let inputs = Inputs::find(path, &SourceArgs::default(), quiet)?;
         return Ok((inputs.loaded.problem, inputs.checked));
     }
     let loaded = ProblemArgs { file: Some(path.to_path_buf()) }.load_with_warnings(quiet)?;
@@ -195,7 +206,7 @@ impl Subject {
         let vehicle = Vehicle::new(&problem)?;
         let points =
             sweep(&vehicle, conditions, &Options::default(), |_| progress.advance()).points;
-        let hover = points.iter().find(|p| p.condition.airspeed == 0.0 && p.on_orbit());
+        let hover = points.iter().find(|p| p.condition.horizontal_speed() == 0.0 && p.on_orbit());
         let (mut found, mut effort) = (Vec::new(), None);
         if let Some(Ok(trim)) = hover.map(|p| p.clone().into_converged()) {
             let full = averaged(&vehicle, &trim, &LinearOptions::default())?;
@@ -395,7 +406,7 @@ fn json_text(subjects: &[Subject]) -> Result<String, CliError> {
                     let [roll, pitch] = attitude(p);
                     let margin = least_margin(p);
                     json!({
-                        "speed_m_s": p.condition.airspeed,
+                        "speed_m_s": p.condition.horizontal_speed(),
                         "status": p.status.word(),
                         "power_w": p.power.shaft,
                         "roll_rad": roll,

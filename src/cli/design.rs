@@ -1,45 +1,54 @@
 //! `coaxdesign design`.
 //!
-//! The stages are the subcommands, run one after the other as a user would run
-//! them by hand, each in a process of its own. What a stage was made from is
-//! noted as hashes in `design.json`, so that it is not run again while nothing
-//! it depends on has changed.
+//! The stages are calls of the library's pipeline, one after the other; the
+//! subcommands do the same one by one. What a stage was made from is noted as
+//! hashes in `design.json`, so that it is not run again while nothing it
+//! depends on has changed.
 
-use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
-use std::process::{Command as Process, Stdio};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use serde::{Deserialize, Serialize};
 
-use super::args::{ProblemArgs, STAGE, Units, UnitsArgs, builtin_name};
-use super::export::FormatName;
-use super::tune::{SpecArgs, usage};
+use super::args::{ProblemArgs, RunArgs, Units, UnitsArgs};
+use super::designs::{Chosen, SourceArgs, lock};
+use super::export::{Export, FormatName};
+use super::fly::{CONTROL_RATE, FlyArgs, STEPS};
+use super::linearize::joined;
+use super::report::{FLIGHTS, Inputs, page};
+use super::simulate::recorded;
+use super::trim::{failures, json_text, parse_speeds, trim_all};
+use super::tune::{SpecArgs, design_files};
+use super::watch::Watch;
 use super::{CliError, Outcome, output, version};
-use coaxdesign::pipeline::problem_hash;
+use coaxdesign::linear::io::set_to_json;
+use coaxdesign::pipeline::directory::{Ended, MANEUVERS, Note, Part, Record, file_hash};
+use coaxdesign::pipeline::{PipelineError, TuneOptions, models, tune};
 use coaxdesign::problem::BUILTIN;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::schedule::hash;
+use coaxdesign::simulate::maneuver;
+use coaxdesign::trim::FlightCondition;
 use coaxdesign::units::{Kind, System};
 
-/// Schema of `design.json`.
-const SCHEMA: &str = "coaxdesign.design/1";
 /// The manoeuvre that every design flies: that of the reference paper's Fig. 17.
 const MANEUVER: &str = "accel-climb-turn";
-/// The note of a design.
-const NOTE: &str = "design.json";
+/// Time between two rows of its history.
+const INTERVAL: &str = "0.05 s";
+/// Control periods in that time.
+const EVERY: u64 = 5;
 
 /// Run the whole pipeline: trim, linear models, tuning and verification, a flight, exports, report
 ///
-/// Each stage is a subcommand that can also be run by itself, and leaves its files in the
-/// directory. A stage whose inputs have not changed since is skipped; after an interruption the
-/// same command goes on where it stopped.
+/// Each stage can also be run by itself: --dry-run shows how. The directory holds all that made
+/// the design, and can be moved. A stage whose inputs have not changed since is skipped; after an
+/// interruption the same command goes on where it stopped. A design that is there keeps its
+/// aircraft and its specification unless others are named.
 #[derive(Debug, Args)]
 pub struct Design {
     #[command(flatten)]
     problem: ProblemArgs,
-    /// Specification file [default: the built-in Level 1 targets]
+    /// Specification file [default: that of the design in -o, else the built-in Level 1 targets]
     #[arg(long, value_name = "SPEC")]
     spec: Option<PathBuf>,
     /// Directory of the design
@@ -60,73 +69,35 @@ pub struct Design {
     /// Run every stage, changed or not
     #[arg(long)]
     again: bool,
-    /// Show the commands of the stages, and run none
+    /// Show the commands that do the same stage by stage, and run none
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]
     units: UnitsArgs,
-    /// Show no progress and no warnings
-    #[arg(short, long)]
-    quiet: bool,
-    /// Threads to compute with; results do not depend on it [default: one a core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    run: RunArgs,
 }
 
-/// A file that a design refers to.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Reference {
-    /// A built-in one, by name.
-    Builtin(String),
-    /// A path, relative to the design's directory where both are on one disk.
-    File(String),
+/// What a stage does.
+#[derive(Debug, Clone, Copy)]
+enum Work {
+    Trim,
+    Models,
+    Gains,
+    Flight,
+    Export(FormatName),
+    Report,
 }
 
-/// How a stage ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Ended {
-    /// The goal is reached.
-    Done,
-    /// There is a result, short of the goal.
-    GoalMissed,
-}
-
-/// What is known of a stage that has run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Record {
-    /// Hash of all that it was made from.
-    inputs: String,
-    /// Hash of every file it made.
-    outputs: BTreeMap<String, String>,
-    /// How it ended.
-    ended: Ended,
-}
-
-/// `design.json`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Note {
-    /// [`SCHEMA`].
-    schema: String,
-    /// The problem.
-    problem: Reference,
-    /// The specification; `null` for the built-in one.
-    specification: Option<Reference>,
-    /// Stages by name.
-    stages: BTreeMap<String, Record>,
-}
-
-/// A stage: a subcommand with its arguments, and files.
-#[derive(Default)]
+/// A stage: what it does, from what, and the files of the design that it makes.
+#[derive(Debug)]
 struct Stage {
     name: String,
-    /// Arguments but for files, which vary from place to place.
-    arguments: Vec<String>,
-    /// Further arguments: files.
-    files: Vec<String>,
+    work: Work,
+    /// The command that does the same.
+    command: Vec<String>,
+    /// Choices that shape its result.
+    choices: Vec<String>,
     /// Whether the specification matters to it.
     specified: bool,
     /// Files of the design that it reads.
@@ -135,95 +106,31 @@ struct Stage {
     writes: Vec<String>,
     /// Directory of the design that it fills, where it chooses the names.
     fills: Option<String>,
-    /// Whether it knows `--quiet` and `--threads`.
-    computes: bool,
-}
-
-/// What a design notes of its inputs.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Noted {
-    /// Problem file or built-in name; none where nothing is noted.
-    pub problem: Option<PathBuf>,
-    /// Specification file; none for the built-in one.
-    pub specification: Option<PathBuf>,
-}
-
-impl Noted {
-    /// Reads the note of a design, if there is one.
-    ///
-    /// # Errors
-    /// A note that is none.
-    pub fn read(directory: &Path) -> Result<Self, CliError> {
-        let Some(note) = Note::read(directory)? else { return Ok(Self::default()) };
-        let path = |reference: &Reference| match reference {
-            Reference::Builtin(name) => PathBuf::from(name),
-            Reference::File(path) => tidy(&directory.join(path)),
-        };
-        Ok(Self {
-            problem: Some(path(&note.problem)),
-            specification: note.specification.as_ref().map(path),
-        })
-    }
-}
-
-impl Note {
-    fn read(directory: &Path) -> Result<Option<Self>, CliError> {
-        let path = directory.join(NOTE);
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(source) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(CliError::Io { path, source }),
-        };
-        let wrong = |what: String| {
-            usage(format!("{}: {what}", path.display()), "delete it, and the design is made anew")
-        };
-        let note: Self = serde_json::from_str(&text)
-            .map_err(|error| wrong(format!("not the note of a design: {error}")))?;
-        if note.schema != SCHEMA {
-            return Err(wrong(format!("the schema is '{}', expected '{SCHEMA}'", note.schema)));
-        }
-        Ok(Some(note))
-    }
-
-    fn write(&self, directory: &Path) -> Result<(), CliError> {
-        let text = serde_json::to_string_pretty(self)
-            .map_err(|error| CliError::Internal(error.to_string()))?;
-        output::write_whole(&directory.join(NOTE), (text + "\n").as_bytes(), true)
-    }
 }
 
 impl Design {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
-        // A mistake in a file is said at once, not after the first stages.
-        let loaded = self.problem.load_with_warnings(self.quiet)?;
-        let requirements = SpecArgs::of(self.spec.clone()).load()?;
-        let spec = &requirements.specification;
-        super::trim::parse_speeds(&self.speeds)?;
-        let breakpoints: Vec<String> = spec
-            .speeds
-            .iter()
-            .map(|v| output::significant(Kind::Airspeed.from_si(*v, System::Us), 12))
-            .collect();
-        let stages = self.stages(&breakpoints.join(","));
+        self.run.start()?;
+        let spec = SpecArgs::of(self.spec.clone());
+        parse_speeds(&self.speeds)?;
+        let directory = &self.output;
         if self.dry_run {
-            let lines: Vec<String> = stages.iter().map(Stage::line).collect();
+            let chosen = Chosen::new(&self.problem, &spec, Some(directory), self.run.quiet)?;
+            let lines: Vec<String> =
+                self.stages(&chosen).iter().map(|s| output::shell_line(&s.command)).collect();
             output::print(&(lines.join("\n") + "\n"))?;
             return Ok(Outcome::Done);
         }
-        let directory = &self.output;
-        std::fs::create_dir_all(directory)
-            .map_err(|source| CliError::Io { path: directory.clone(), source })?;
-        let sources = [problem_hash(&loaded), requirements.hash()];
-        let before = if self.again { None } else { Note::read(directory)? };
-        let mut note = Note {
-            schema: SCHEMA.into(),
-            problem: self.problem_reference(),
-            specification: self.spec.as_ref().map(|p| Reference::File(from_to(directory, p))),
-            stages: before.map(|note| note.stages).unwrap_or_default(),
-        };
-        note.stages.retain(|name, _| stages.iter().any(|s| s.name == *name));
+        let _lock = lock(directory)?;
+        // A mistake in a file is said at once, not after the first stages, and
+        // so is a warning.
+        let chosen = Chosen::new(&self.problem, &spec, Some(directory), self.run.quiet)?;
+        let stages = self.stages(&chosen);
+        let mut note = self.note(&chosen, &stages)?;
+        let maneuver = (flown_file(), maneuver_text()?.as_bytes().to_vec());
+        chosen.write(directory, &note, vec![maneuver], chosen.is_design())?;
         let mut table = Table::new(
-            &format!("{}: {}", loaded.problem.name, directory.display()),
+            &format!("{}: {}", chosen.loaded.problem.name, directory.display()),
             vec![
                 Column::text("stage"),
                 Column::text("outcome"),
@@ -234,23 +141,25 @@ impl Design {
         let start = Instant::now();
         let mut missed = false;
         for stage in &stages {
-            let key = stage.key(directory, &sources);
+            let key = stage.key(directory, &note);
             let fresh = note.stages.get(&stage.name).is_some_and(|record| {
-                record.inputs == key
-                    && !record.outputs.is_empty()
+                record.is_fresh(directory, &key)
                     && stage.writes.iter().all(|file| record.outputs.contains_key(file))
-                    && record
-                        .outputs
-                        .iter()
-                        .all(|(file, known)| hash_of(&directory.join(file)).as_ref() == Some(known))
             });
             let clock = Instant::now();
             if !fresh {
                 note.stages.remove(&stage.name);
-                let ended = self.run_stage(stage, directory)?;
-                let record = stage.record(directory, key, ended)?;
+                if !self.run.quiet {
+                    output::note(&format!("{} ...\n", stage.name));
+                }
+                tracing::info!(stage = stage.name.as_str(), "run");
+                let ended = match self.work(stage.work, &chosen)? {
+                    Outcome::Done => Ended::Done,
+                    Outcome::GoalMissed => Ended::GoalMissed,
+                };
+                let record = Record::of(directory, key, &stage.files(directory)?, ended)?;
                 note.stages.insert(stage.name.clone(), record);
-                note.write(directory)?;
+                chosen.write(directory, &note, Vec::new(), true)?;
             }
             let ended = note.stages.get(&stage.name).map_or(Ended::Done, |r| r.ended);
             missed |= ended == Ended::GoalMissed;
@@ -266,317 +175,331 @@ impl Design {
                 stage.fills.as_ref().unwrap_or(&stage.writes.join(", ")).as_str().into(),
             ]);
         }
-        note.write(directory)?;
-        if !self.quiet {
+        if !self.run.quiet {
             let total = start.elapsed().as_secs_f64();
             let text = table.to_text(Coloring::for_stdout());
-            output::print(&format!("{text}\n{total:.1} s in all.\n"))?;
+            output::print(&format!(
+                "specification {}\n{text}\n{total:.1} s in all.\n",
+                note.specification.origin
+            ))?;
         }
         Ok(if missed { Outcome::GoalMissed } else { Outcome::Done })
     }
 
-    fn problem_reference(&self) -> Reference {
-        match &self.problem.file {
-            None => Reference::Builtin(BUILTIN[0].into()),
-            Some(path) => match builtin_name(path) {
-                Some(name) => Reference::Builtin(name.into()),
-                None => Reference::File(from_to(&self.output, path)),
-            },
+    /// The note to begin with: what is known of stages that still exist.
+    fn note(&self, chosen: &Chosen, stages: &[Stage]) -> Result<Note, CliError> {
+        let mut note = chosen.note();
+        if self.again {
+            note.stages.clear();
+        }
+        note.stages.retain(|name, _| stages.iter().any(|s| s.name == *name));
+        note.maneuvers = vec![Part {
+            file: flown_file(),
+            origin: format!("{MANEUVER} (built in)"),
+            hash: hash([maneuver_text()?]),
+        }];
+        let exports: Vec<&str> = self.exports.iter().map(|f| f.0.about().name).collect();
+        note.options = [
+            ("speeds", self.speeds.clone()),
+            ("units", self.unit_name().into()),
+            ("exports", exports.join(",")),
+        ]
+        .map(|(key, value)| (key.to_string(), value))
+        .into();
+        Ok(note)
+    }
+
+    fn unit_name(&self) -> &'static str {
+        match self.units.units {
+            Units::Us => "us",
+            Units::Si => "si",
         }
     }
 
-    /// The stages, with the breakpoints of the schedule in kt.
-    fn stages(&self, breakpoints: &str) -> Vec<Stage> {
-        let text = |words: &[&str]| words.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
-        let path = |name: &str| self.output.join(name).display().to_string();
-        let flight = format!("{}/{MANEUVER}.json", super::report::FLIGHTS);
-        let problem = self
-            .problem
-            .file
-            .as_ref()
-            .map_or_else(|| BUILTIN[0].to_string(), |file| file.display().to_string());
-        let spec: Vec<String> = self
-            .spec
+    /// The stages, in order.
+    fn stages(&self, chosen: &Chosen) -> Vec<Stage> {
+        let breakpoints: Vec<String> = chosen
+            .requirements
+            .specification
+            .speeds
             .iter()
-            .flat_map(|s| ["--spec".to_string(), s.display().to_string()])
+            .map(|v| output::significant(Kind::Airspeed.from_si(*v, System::Us), 12))
             .collect();
-        let units = match self.units.units {
-            Units::Us => "us",
-            Units::Si => "si",
+        let breakpoints = format!("{} kt", breakpoints.join(","));
+        let design = self.output.display().to_string();
+        let path = |name: &str| self.output.join(name).display().to_string();
+        let flight = flight_file();
+        let file = match &self.problem.file {
+            Some(file) => file.display().to_string(),
+            None if chosen.keeps_aircraft() => design.clone(),
+            None => BUILTIN[0].to_string(),
         };
-        let mut gains = vec![problem.clone(), "-o".into(), self.output.display().to_string()];
-        gains.extend(spec.clone());
-        let mut report =
-            vec![self.output.display().to_string(), "--problem".into(), problem.clone()];
-        report.extend(spec);
-        report.extend(["-o".into(), path("report.html")]);
+        let units = self.unit_name();
+        let words = |list: &[&str]| list.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
+        let mut gains = words(&["tune-gains"]);
+        if !chosen.keeps_aircraft() {
+            gains.push(file.clone());
+        }
+        gains.extend(words(&["-o", &design]));
+        gains.extend(self.spec.iter().flat_map(|s| ["--spec".into(), s.display().to_string()]));
+        let stage = |name: &str, work, command: &[String], writes: &[&str]| Stage {
+            name: name.into(),
+            work,
+            command: [&["coaxdesign".to_string()], command].concat(),
+            choices: Vec::new(),
+            specified: false,
+            reads: Vec::new(),
+            writes: words(writes),
+            fills: None,
+        };
         let mut stages = vec![
             Stage {
-                name: "trim".into(),
-                computes: true,
-                arguments: text(&[
+                choices: words(&[&self.speeds, units]),
+                ..stage(
                     "trim",
-                    "--speeds",
-                    &self.speeds,
-                    "--format",
-                    "json",
-                    "--units",
-                    units,
-                ]),
-                files: vec![problem.clone(), "-o".into(), path("trim.json")],
-                writes: vec!["trim.json".into()],
-                ..Stage::default()
+                    Work::Trim,
+                    &words(&[
+                        "trim",
+                        &file,
+                        "-o",
+                        &path("trim.json"),
+                        "--speeds",
+                        &self.speeds,
+                        "--format",
+                        "json",
+                        "--units",
+                        units,
+                    ]),
+                    &["trim.json"],
+                )
             },
             Stage {
-                name: "models".into(),
-                computes: true,
-                arguments: text(&[
-                    "linearize",
-                    "--speeds",
-                    &format!("{breakpoints} kt"),
-                    "--reduce",
-                    "residualize",
-                    "--format",
-                    "json",
-                    "--units",
-                    "si",
-                ]),
-                files: vec![problem.clone(), "-o".into(), path("models.json")],
-                writes: vec!["models.json".into()],
-                ..Stage::default()
+                choices: words(&[&breakpoints]),
+                ..stage(
+                    "models",
+                    Work::Models,
+                    &words(&[
+                        "linearize",
+                        &file,
+                        "-o",
+                        &path("models.json"),
+                        "--speeds",
+                        &breakpoints,
+                        "--reduce",
+                        "residualize",
+                        "--format",
+                        "json",
+                        "--units",
+                        "si",
+                    ]),
+                    &["models.json"],
+                )
             },
             Stage {
-                name: "gains".into(),
-                computes: true,
-                arguments: text(&["tune-gains"]),
-                files: gains,
                 specified: true,
-                writes: text(&["schedule.json", "verification.json"]),
-                ..Stage::default()
+                ..stage("gains", Work::Gains, &gains, &["schedule.json", "verification.json"])
             },
             Stage {
-                name: "simulation".into(),
-                computes: true,
-                arguments: text(&["simulate", "-m", MANEUVER, "--interval", "0.05 s"]),
-                files: vec![
-                    self.output.display().to_string(),
-                    "--problem".into(),
-                    problem.clone(),
-                    "-o".into(),
-                    path(&flight),
-                ],
-                reads: text(&["schedule.json"]),
-                writes: vec![flight.clone()],
-                ..Stage::default()
-            },
-            Stage {
-                name: "report".into(),
-                computes: true,
-                arguments: text(&["report", "--speeds", &self.speeds, "--units", units]),
-                files: report,
-                specified: true,
-                reads: text(&["schedule.json", "verification.json", &flight]),
-                writes: vec!["report.html".into()],
-                ..Stage::default()
+                reads: vec!["schedule.json".into(), flown_file()],
+                ..stage(
+                    "simulation",
+                    Work::Flight,
+                    &words(&[
+                        "simulate",
+                        &design,
+                        "-o",
+                        &path(&flight),
+                        "-m",
+                        MANEUVER,
+                        "--interval",
+                        INTERVAL,
+                    ]),
+                    &[&flight],
+                )
             },
         ];
-        let names = self.exports.iter().map(|format| format.0.about().name);
-        let exports = names.map(|format| Stage {
-            name: format!("export {format}"),
-            // What misses a requirement is exported too, and says so.
-            arguments: text(&["export", "--to", format, "--unverified"]),
-            files: text(&[
-                &self.output.display().to_string(),
-                "-o",
-                &path(&format!("export/{format}")),
-            ]),
-            reads: text(&["schedule.json"]),
-            fills: Some(format!("export/{format}")),
-            ..Stage::default()
+        for format in &self.exports {
+            let name = format.0.about().name;
+            let folder = format!("export/{name}");
+            let command =
+                words(&["export", &design, "-o", &path(&folder), "--to", name, "--unverified"]);
+            stages.push(Stage {
+                reads: words(&["schedule.json"]),
+                fills: Some(folder),
+                ..stage(&format!("export {name}"), Work::Export(*format), &command, &[])
+            });
+        }
+        let report = words(&["report", &design, "--speeds", &self.speeds, "--units", units]);
+        stages.push(Stage {
+            choices: words(&[&self.speeds, units]),
+            specified: true,
+            reads: words(&["schedule.json", "verification.json", &flight]),
+            ..stage("report", Work::Report, &report, &["report.html"])
         });
-        let last = stages.len() - 1;
-        stages.splice(last..last, exports);
         stages
     }
 
-    /// Runs a stage in a process of its own.
-    fn run_stage(&self, stage: &Stage, directory: &Path) -> Result<Ended, CliError> {
-        if !self.quiet {
-            output::note(&format!("{} ...\n", stage.name));
-        }
-        let parents = stage.writes.iter().filter_map(|f| Path::new(f).parent());
-        for folder in parents.chain(stage.fills.as_deref().map(Path::new)) {
-            let path = directory.join(folder);
-            std::fs::create_dir_all(&path).map_err(|source| CliError::Io { path, source })?;
-        }
-        let program = std::env::current_exe()
-            .map_err(|source| CliError::Io { path: "this program".into(), source })?;
-        let mut process = Process::new(&program);
-        process.args(stage.command().split_off(1)).arg("--force").env(STAGE, &stage.name);
-        if self.quiet && stage.computes {
-            process.arg("--quiet");
-        }
-        if let Some(threads) = self.threads.filter(|_| stage.computes) {
-            process.args(["--threads", &threads.to_string()]);
-        }
-        tracing::info!(stage = stage.name.as_str(), command = stage.line(), "run");
-        // Tables are in the report; messages are for whoever waits.
-        let status = process
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .status()
-            .map_err(|source| CliError::Io { path: program, source })?;
-        match status.code() {
-            Some(0) => Ok(Ended::Done),
-            Some(1) if stage.writes.iter().all(|f| directory.join(f).exists()) => {
-                Ok(Ended::GoalMissed)
+    /// Runs a stage and writes its files.
+    fn work(&self, work: Work, chosen: &Chosen) -> Result<Outcome, CliError> {
+        let directory = &self.output;
+        let watch = Watch::new(self.run.quiet);
+        let problem = &chosen.loaded.problem;
+        let write = |name: &str, text: &str| -> Result<(), CliError> {
+            output::write_set(directory, &[(name.to_string(), text.as_bytes().to_vec())], true)
+        };
+        match work {
+            Work::Trim => {
+                let conditions: Vec<FlightCondition> =
+                    parse_speeds(&self.speeds)?.into_iter().map(FlightCondition::level).collect();
+                let points = trim_all(problem, &conditions, &[true, false], self.run.quiet)?;
+                write("trim.json", &json_text(problem, &points, self.units.system())?)?;
+                let failures = failures(&points);
+                output::note(&failures);
+                Ok(if failures.is_empty() { Outcome::Done } else { Outcome::GoalMissed })
             }
-            Some(1) => Err(CliError::Missed(format!(
-                "stage {}: there is no result; run it by itself to see more: {}",
-                stage.name,
-                stage.line()
-            ))),
-            Some(2 | 3) => Err(usage(
-                format!("stage {} could not run", stage.name),
-                "what it says is above; the same command goes on from here",
-            )),
-            Some(code) => {
-                Err(CliError::Internal(format!("stage {} ended with {code}", stage.name)))
+            Work::Models => {
+                let speeds = &chosen.requirements.specification.speeds;
+                let sets =
+                    models(problem, speeds, &[true], &watch).map_err(|error| match error {
+                        PipelineError::NoTrim(point) => CliError::Missed(format!(
+                            "no models over speed, since a breakpoint of the specification does \
+                             not trim: {}",
+                            failures(&[vec![*point]])
+                        )),
+                        other => other.into(),
+                    })?;
+                let texts: Vec<String> =
+                    sets.iter().map(|set| set_to_json(set, System::Si)).collect();
+                write("models.json", &joined(&texts))?;
+                Ok(Outcome::Done)
             }
-            None => Err(CliError::Missed(format!(
-                "stage {} was interrupted; the same command goes on from here",
-                stage.name
-            ))),
+            Work::Gains => {
+                let options = TuneOptions::default();
+                let tuned = tune(&chosen.loaded, &chosen.requirements, &options, &watch)?;
+                output::write_set(directory, &design_files(&tuned)?, true)?;
+                let met = tuned.verified.met();
+                Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
+            }
+            Work::Flight => {
+                let fly = FlyArgs {
+                    design: Some(directory.clone()),
+                    maneuver: directory.join(flown_file()),
+                    sources: SourceArgs::default(),
+                    model: Vec::new(),
+                    seed: 0,
+                    control_rate: CONTROL_RATE,
+                    steps: STEPS,
+                    pitch_rate_limit: None,
+                };
+                let (text, outcome) = recorded(&fly.ready(true)?, EVERY, &watch)?;
+                write(&flight_file(), &text)?;
+                Ok(outcome)
+            }
+            Work::Export(format) => {
+                let folder = directory.join("export").join(format.0.about().name);
+                // The first says what there is to say of the schedule.
+                let first = self.exports.first().is_some_and(|f| f.0 == format.0);
+                let quiet = self.run.quiet || !first;
+                Export::of(directory.clone(), format, folder, quiet).run()
+            }
+            Work::Report => {
+                let inputs = Inputs::find(directory, &SourceArgs::default(), true)?;
+                write("report.html", &page(&inputs, &self.speeds, self.units, self.run.quiet)?)?;
+                Ok(Outcome::Done)
+            }
         }
     }
 }
 
+/// The manoeuvre's file in a design.
+fn flown_file() -> String {
+    format!("{MANEUVERS}/{MANEUVER}.toml")
+}
+
+/// The flight's file in a design.
+fn flight_file() -> String {
+    format!("{FLIGHTS}/{MANEUVER}.json")
+}
+
+fn maneuver_text() -> Result<&'static str, CliError> {
+    let found = maneuver::BUILTIN.iter().find(|(name, _)| *name == MANEUVER);
+    found
+        .map(|(_, text)| *text)
+        .ok_or_else(|| CliError::Internal(format!("there is no manoeuvre {MANEUVER}")))
+}
+
 impl Stage {
-    /// The command that a user would write.
-    fn command(&self) -> Vec<String> {
-        let (first, rest) = self.arguments.split_at(1.min(self.arguments.len()));
-        let words = first.iter().chain(&self.files).chain(rest).cloned();
-        std::iter::once("coaxdesign".to_string()).chain(words).collect()
-    }
-
-    /// That command as it is typed.
-    fn line(&self) -> String {
-        let quoted = |word: &String| {
-            if word.contains(' ') { format!("\"{word}\"") } else { word.clone() }
-        };
-        self.command().iter().map(quoted).collect::<Vec<_>>().join(" ")
-    }
-
     /// Hash of all that the stage is made from: program, choices, problem,
     /// specification, files of earlier stages.
-    fn key(&self, directory: &Path, sources: &[String; 2]) -> String {
-        let mut parts = vec![version::LONG.to_string()];
-        parts.extend(self.arguments.iter().cloned());
-        let [problem, specification] = sources;
-        parts.push(problem.clone());
+    fn key(&self, directory: &Path, note: &Note) -> String {
+        let mut parts = vec![version::LONG.to_string(), self.name.clone()];
+        parts.extend(self.choices.iter().cloned());
+        parts.push(note.aircraft.problem.hash.clone());
         if self.specified {
-            parts.push(specification.clone());
+            parts.push(note.specification.hash.clone());
         }
         for file in &self.reads {
             parts.push(file.clone());
-            parts.push(hash_of(&directory.join(file)).unwrap_or_default());
+            parts.push(file_hash(&directory.join(file)).unwrap_or_default());
         }
         hash(parts.iter().map(String::as_str))
     }
 
-    fn record(&self, directory: &Path, inputs: String, ended: Ended) -> Result<Record, CliError> {
-        let mut outputs = BTreeMap::new();
+    /// Files that it has made.
+    fn files(&self, directory: &Path) -> Result<Vec<String>, CliError> {
         let mut files = self.writes.clone();
         if let Some(folder) = &self.fills {
             let place = directory.join(folder);
             let fault = |source| CliError::Io { path: place.clone(), source };
             for entry in std::fs::read_dir(&place).map_err(fault)? {
                 let name = entry.map_err(fault)?.file_name();
-                files.push(format!("{folder}/{}", name.to_string_lossy()));
+                let name = name.to_string_lossy();
+                // The lock of the folder may be there, which is no result.
+                if !name.starts_with('.') {
+                    files.push(format!("{folder}/{name}"));
+                }
             }
         }
-        for file in &files {
-            let known = hash_of(&directory.join(file)).ok_or_else(|| {
-                CliError::Internal(format!("stage {} wrote no {file}", self.name))
-            })?;
-            outputs.insert(file.clone(), known);
-        }
-        Ok(Record { inputs, outputs, ended })
+        Ok(files)
     }
-}
-
-/// Hash of a text file; none where it cannot be read.
-fn hash_of(path: &Path) -> Option<String> {
-    let bytes = std::fs::read(path).ok()?;
-    Some(hash([String::from_utf8_lossy(&bytes).as_ref()]))
-}
-
-/// A path from a directory to a file, with forward slashes; the path as it is
-/// where there is none.
-fn from_to(directory: &Path, file: &Path) -> String {
-    let whole = |path: &Path| std::path::absolute(path).ok().map(|p| tidy(&p));
-    let (Some(from), Some(to)) = (whole(directory), whole(file)) else {
-        return file.display().to_string();
-    };
-    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
-    if common == 0 {
-        return to.display().to_string();
-    }
-    let up = from.components().skip(common).map(|_| "..".to_string());
-    let down = to.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned());
-    up.chain(down).collect::<Vec<_>>().join("/")
-}
-
-/// A path without `.` and, where it can be seen, `..`.
-fn tidy(path: &Path) -> PathBuf {
-    let mut out = PathBuf::new();
-    for part in path.components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir
-                if matches!(out.components().next_back(), Some(Component::Normal(_))) =>
-            {
-                out.pop();
-            }
-            other => out.push(other),
-        }
-    }
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn paths_from_a_design_to_its_files() {
-        assert_eq!(from_to(Path::new("designs/mine"), Path::new("mine.toml")), "../../mine.toml");
-        assert_eq!(from_to(Path::new("/a/b"), Path::new("/a/c/d.toml")), "../c/d.toml");
-        assert_eq!(tidy(Path::new("designs/mine/../../mine.toml")), Path::new("mine.toml"));
-        assert_eq!(tidy(Path::new("../x/./y")), Path::new("../x/y"));
-    }
+    use coaxdesign::pipeline::Requirements;
 
     #[test]
     fn a_stage_is_another_when_anything_it_reads_changes() {
         let directory = tempfile::tempdir().unwrap();
-        let stage = |argument: &str| Stage {
+        let stage = |choice: &str| Stage {
             name: "report".into(),
-            arguments: vec!["report".into(), argument.into()],
-            specified: argument != "unspecified",
+            work: Work::Report,
+            command: Vec::new(),
+            choices: vec![choice.into()],
+            specified: choice != "unspecified",
             reads: vec!["schedule.json".into()],
             writes: vec!["report.html".into()],
-            ..Stage::default()
+            fills: None,
         };
-        let sources = ["a".to_string(), "b".to_string()];
-        let key =
-            |argument: &str, sources: &[String; 2]| stage(argument).key(directory.path(), sources);
-        let first = key("x", &sources);
-        assert_eq!(first, key("x", &sources));
-        assert_ne!(first, key("y", &sources));
-        let respecified = ["a".to_string(), "c".to_string()];
-        assert_ne!(first, key("x", &respecified));
-        assert_eq!(key("unspecified", &sources), key("unspecified", &respecified));
+        let problem = coaxdesign::problem::builtin().unwrap();
+        let note = Note::new(&problem, &Requirements::builtin().unwrap());
+        let key = |choice: &str, note: &Note| stage(choice).key(directory.path(), note);
+        let first = key("x", &note);
+        assert_eq!(first, key("x", &note));
+        assert_ne!(first, key("y", &note));
+        let mut other = note.clone();
+        other.specification.hash = "c".into();
+        assert_ne!(first, key("x", &other));
+        assert_eq!(key("unspecified", &note), key("unspecified", &other));
         std::fs::write(directory.path().join("schedule.json"), "{}").unwrap();
-        assert_ne!(first, key("x", &sources));
+        assert_ne!(first, key("x", &note));
+    }
+
+    /// The interval that the command shows is the one that is flown.
+    #[test]
+    fn the_flight_has_a_row_every_interval() {
+        let interval = coaxdesign::units::parse_quantity(INTERVAL, Kind::Time).unwrap();
+        assert!((interval * CONTROL_RATE - EVERY as f64).abs() < 1e-9);
     }
 }

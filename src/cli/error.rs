@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::output;
-use coaxdesign::pipeline::PipelineError;
+use coaxdesign::pipeline::{LockError, PipelineError};
 use coaxdesign::problem::{Report, visible};
 use coaxdesign::vehicle::VehicleError;
 
@@ -67,6 +67,18 @@ pub enum CliError {
     /// A result that should have been there is not.
     #[error("internal error: {0}")]
     Internal(String),
+}
+
+impl From<LockError> for CliError {
+    fn from(error: LockError) -> Self {
+        let message = error.to_string();
+        match error {
+            LockError::Io { path, source } => Self::Io { path, source },
+            LockError::Held { .. } => {
+                Self::Usage { message, help: "wait until it has ended, or stop it".into() }
+            }
+        }
+    }
 }
 
 impl From<PipelineError> for CliError {

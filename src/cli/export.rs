@@ -12,6 +12,11 @@ use coaxdesign::export::{self, ExportError, Format, Options, Precision};
 use coaxdesign::schedule::{self, Schedule};
 use coaxdesign::units::{Kind, parse_quantity};
 
+/// Interval at which an exported law is stepped, unless another is named.
+const STEP: &str = "0.01 s";
+/// Speed of the one condition of ArduPilot, unless another is named.
+const SPEED: &str = "0 kt";
+
 /// Write a gain schedule in the form of another program
 ///
 /// Every form carries gains, model inversion, trims, units, signs and rules, or runs the law
@@ -19,8 +24,8 @@ use coaxdesign::units::{Kind, parse_quantity};
 /// refused.
 #[derive(Debug, Args)]
 pub struct Export {
-    /// Schedule file, or a directory with a schedule.json
-    #[arg(value_name = "SCHEDULE", required_unless_present = "list")]
+    /// Directory of a design, or a schedule file
+    #[arg(value_name = "DESIGN", required_unless_present = "list")]
     schedule: Option<PathBuf>,
     /// Form to write
     #[arg(long, value_enum, value_name = "FORMAT", required_unless_present = "list")]
@@ -42,18 +47,21 @@ pub struct Export {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Interval at which the law is stepped: for c, rust, jsbsim, fmu, vectors
-    #[arg(long, value_name = "TIME", default_value = "0.01 s")]
+    #[arg(long, value_name = "TIME", default_value = STEP)]
     step: String,
     /// Width of numbers: for c, rust
     #[arg(long, value_enum, default_value = "double")]
     precision: PrecisionName,
     /// True airspeed of the one condition: for ardupilot
-    #[arg(long, value_name = "SPEED", default_value = "0 kt")]
+    #[arg(long, value_name = "SPEED", default_value = SPEED)]
     speed: String,
     /// C compiler that builds a shared object for this machine into the FMU; without it the FMU
     /// holds its C sources only
     #[arg(long, value_name = "CC")]
     cc: Option<String>,
+    /// Leave out warnings: a design has shown them once for all its exports.
+    #[arg(skip)]
+    quiet: bool,
 }
 
 /// Widths by name.
@@ -90,6 +98,25 @@ impl ValueEnum for FormatName {
 }
 
 impl Export {
+    /// An export of a design into a directory, as `design` makes them: also of
+    /// what misses a requirement, which what is written says.
+    pub(super) fn of(design: PathBuf, format: FormatName, output: PathBuf, quiet: bool) -> Self {
+        Self {
+            schedule: Some(design),
+            to: Some(format),
+            list: false,
+            output: Some(output),
+            force: true,
+            unverified: true,
+            name: None,
+            step: STEP.into(),
+            precision: PrecisionName::Double,
+            speed: SPEED.into(),
+            cc: None,
+            quiet,
+        }
+    }
+
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         let (Some(path), Some(FormatName(format)), false) = (&self.schedule, self.to, self.list)
         else {
@@ -104,7 +131,7 @@ impl Export {
                 "--unverified exports it all the same, and what is written says so",
             ));
         }
-        for warning in &warnings {
+        for warning in warnings.iter().filter(|_| !self.quiet) {
             output::note(&format!("warning: {warning}\n"));
         }
         let name = match &self.name {
@@ -135,7 +162,10 @@ impl Export {
             export::export(&schedule, warnings, format, &options).map_err(|e| export_error(&e))?;
         let files: Vec<(String, Vec<u8>)> = files.into_iter().map(|f| (f.name, f.bytes)).collect();
         match (&self.output, files.as_slice()) {
-            (Some(directory), _) => output::write_set(directory, &files, self.force)?,
+            (Some(directory), _) => {
+                let _lock = super::designs::lock(directory)?;
+                output::write_set(directory, &files, self.force)?;
+            }
             (None, [(_, bytes)]) if std::str::from_utf8(bytes).is_ok() => {
                 output::print(&String::from_utf8_lossy(bytes))?;
             }

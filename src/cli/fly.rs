@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::CliError;
 use super::args::ProblemArgs;
+use super::designs::{Opened, SourceArgs};
+use super::tune::SpecArgs;
+use super::{CliError, output};
 use coaxdesign::control::plant::Hardware;
-use coaxdesign::control::spec;
 use coaxdesign::problem::Loaded;
 use coaxdesign::schedule::Schedule;
 use coaxdesign::simulate::Options;
@@ -16,19 +17,23 @@ use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
 use coaxdesign::units::{Kind, parse_quantity};
 
+/// Rate of the control computer unless another is named, Hz.
+pub const CONTROL_RATE: f64 = 100.0;
+/// Steps of a revolution unless others are named.
+pub const STEPS: u16 = 36;
+
 /// The manoeuvre and how it is flown.
 #[derive(Debug, Clone, Args)]
 pub struct FlyArgs {
-    /// Schedule file, or a directory with a schedule.json; open-loop manoeuvres need none
+    /// Directory of a design, or a schedule file; open-loop manoeuvres need none
     #[arg(value_name = "DESIGN")]
     pub design: Option<PathBuf>,
     /// Manoeuvre file, or the name of a built-in one: accel-climb-turn, hover-turbulence,
     /// hover-turn, pirouette, slalom, accel-decel, sidestep, vertical, engine-out, lateral-doublet
     #[arg(short, long, value_name = "FILE")]
     pub maneuver: PathBuf,
-    /// Problem file, or the name of a built-in one
-    #[arg(long, value_name = "FILE", default_value = "coax2d")]
-    pub problem: PathBuf,
+    #[command(flatten)]
+    pub sources: SourceArgs,
     /// Vary the model: interactions=on|off, mass=FACTOR, inertia=FACTOR, cg=LENGTH (aft),
     /// delay=TIME (extra), turbulence=SPEED (wind at 20 ft), inflow=FACTOR (of rotors on one
     /// another), gust-forward|gust-right|gust-up=SPEED (met half way), governor=TIME (constant)
@@ -38,12 +43,12 @@ pub struct FlyArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Rate of the control computer, Hz
-    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    #[arg(long, value_name = "HZ", default_value_t = CONTROL_RATE)]
     pub control_rate: f64,
     /// Fewest integration steps in a revolution of the reference rotor
-    #[arg(long, value_name = "N", default_value_t = 36)]
+    #[arg(long, value_name = "N", default_value_t = STEPS)]
     pub steps: u16,
-    /// Largest rate of blade pitch [default: that of the built-in specification]
+    /// Largest rate of blade pitch [default: that of the specification]
     #[arg(long, value_name = "RATE")]
     pub pitch_rate_limit: Option<String>,
 }
@@ -110,6 +115,8 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
 /// Everything that a flight needs but its trim.
 #[derive(Debug)]
 pub struct Ready {
+    /// The design, if one is named.
+    pub opened: Option<Opened>,
     /// The problem as read.
     pub loaded: Loaded,
     /// How it is varied.
@@ -124,7 +131,44 @@ pub struct Ready {
     pub options: Options,
 }
 
+impl Ready {
+    /// What the flight is of, in a line.
+    pub fn head(&self) -> String {
+        self.opened.as_ref().map_or_else(
+            || format!("no design: aircraft {}\n", self.loaded.problem.name),
+            Opened::head,
+        )
+    }
+}
+
 impl FlyArgs {
+    /// The command that flies the same, but for seed and variation, as it is
+    /// typed in a shell.
+    pub fn replay(&self) -> String {
+        let mut words = vec!["coaxdesign".to_string(), "simulate".into()];
+        let path = |path: &Path| path.display().to_string();
+        words.extend(self.design.as_deref().map(path));
+        words.extend(["--maneuver".into(), path(&self.maneuver)]);
+        for (flag, value) in [("--problem", &self.sources.problem), ("--spec", &self.sources.spec)]
+        {
+            if let Some(value) = value {
+                words.extend([flag.to_string(), path(value)]);
+            }
+        }
+        words.extend(self.sources.other_aircraft.then(|| "--other-aircraft".to_string()));
+        words.extend(self.sources.other_spec.then(|| "--other-spec".to_string()));
+        if self.control_rate != CONTROL_RATE {
+            words.extend(["--control-rate".into(), self.control_rate.to_string()]);
+        }
+        if self.steps != STEPS {
+            words.extend(["--steps".into(), self.steps.to_string()]);
+        }
+        if let Some(rate) = &self.pitch_rate_limit {
+            words.extend(["--pitch-rate-limit".into(), rate.clone()]);
+        }
+        output::shell_line(&words)
+    }
+
     /// Reads and checks everything.
     ///
     /// # Errors
@@ -133,9 +177,11 @@ impl FlyArgs {
         let variation = variation(&self.model)?;
         let as_read = load_maneuver(&self.maneuver)?;
         let maneuver = variation.fly_in(&as_read);
-        let problem = ProblemArgs { file: Some(self.problem.clone()) };
-        let loaded = problem.load_with_warnings(quiet)?;
-        let schedule = self.design.as_deref().map(load_schedule).transpose()?;
+        let opened = match &self.design {
+            Some(design) => Some(Opened::read(design, &self.sources, quiet)?),
+            None => None,
+        };
+        let schedule = opened.as_ref().map(|opened| opened.schedule.clone());
         if maneuver.mode != Mode::OpenLoop && schedule.is_none() {
             return Err(CliError::Usage {
                 message: "the manoeuvre is flown by a control law, but no design is given".into(),
@@ -144,7 +190,17 @@ impl FlyArgs {
                     .into(),
             });
         }
-        let specification = spec::builtin()?;
+        let loaded = match &opened {
+            Some(opened) => opened.loaded.clone(),
+            None => {
+                let problem = ProblemArgs { file: self.sources.problem.clone() };
+                problem.load_with_warnings(quiet)?
+            }
+        };
+        let specification = match &opened {
+            Some(opened) => opened.requirements.specification.clone(),
+            None => SpecArgs::of(self.sources.spec.clone()).load()?.specification,
+        };
         let hardware: Hardware =
             schedule.as_ref().map_or(specification.hardware, |schedule| schedule.hardware);
         let rate_limit = match &self.pitch_rate_limit {
@@ -163,7 +219,7 @@ impl FlyArgs {
             seed: self.seed,
             ..Options::new(hardware, rate_limit)
         };
-        Ok(Ready { loaded, variation, schedule, as_read, maneuver, options })
+        Ok(Ready { opened, loaded, variation, schedule, as_read, maneuver, options })
     }
 }
 
@@ -174,16 +230,6 @@ fn load_maneuver(path: &Path) -> Result<Maneuver, CliError> {
     {
         return Ok(found?);
     }
+    output::is_input(path);
     Ok(maneuver::load(path)?)
-}
-
-/// A schedule file, or the one in a directory.
-pub fn load_schedule(path: &Path) -> Result<Schedule, CliError> {
-    let path = if path.is_dir() { path.join("schedule.json") } else { path.to_path_buf() };
-    let text = std::fs::read_to_string(&path)
-        .map_err(|source| CliError::Io { path: path.clone(), source })?;
-    Schedule::from_json(&text).map_err(|error| CliError::Usage {
-        message: format!("{}: {error}", path.display()),
-        help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
-    })
 }

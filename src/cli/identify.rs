@@ -7,8 +7,9 @@ use clap::Args;
 use num_complex::Complex64;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
-use super::fly::load_schedule;
+use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
+use super::bode::speed_text;
+use super::designs::{Opened, SourceArgs};
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel, GainSet};
@@ -16,7 +17,6 @@ use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
 use coaxdesign::control::metrics::decibels;
 use coaxdesign::control::models::{airframe, from_state_space};
 use coaxdesign::control::plant::rigid;
-use coaxdesign::control::spec;
 use coaxdesign::control::tuning::default_grid;
 use coaxdesign::control::verify::inner_only;
 use coaxdesign::linear::linearize::{self, averaged};
@@ -42,11 +42,11 @@ use coaxdesign::vehicle::Vehicle;
 /// steps in every channel instead, beside the linear closed loop in time, outer loops closed.
 #[derive(Debug, Args)]
 pub struct Identify {
-    /// Schedule file, or a directory with a schedule.json
+    /// Directory of a design, or a schedule file
     #[arg(value_name = "DESIGN")]
     design: PathBuf,
     #[command(flatten)]
-    problem: ProblemArgs,
+    sources: SourceArgs,
     /// True airspeed, such as "40 kt"
     #[arg(long, value_name = "SPEED", default_value = "0 kt")]
     speed: String,
@@ -64,6 +64,8 @@ pub struct Identify {
     plot: Option<PathBuf>,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -112,8 +114,9 @@ impl Identify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(plot) = &self.plot {
-            self.output.check_path(plot)?;
+            self.output.check_plot(plot)?;
         }
         let speeds = parse_speeds(&self.speed)?;
         let [speed] = speeds[..] else {
@@ -123,8 +126,9 @@ impl Identify {
             });
         };
         let settings = self.settings()?;
-        let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let schedule = load_schedule(&self.design)?;
+        let system = self.units.system();
+        let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
+        let (loaded, schedule) = (&opened.loaded, &opened.schedule);
         let table = schedule.law().map_err(|error| CliError::Usage {
             message: error.to_string(),
             help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
@@ -144,12 +148,13 @@ impl Identify {
                 .map_err(|error| CliError::Missed(error.to_string()))?;
         let gains = inner_only(&point.gains);
         let law = Autopilot { table, stick_limits: schedule.stick_limits };
-        let options = Options::new(schedule.hardware, spec::builtin()?.pitch_rate_limit);
+        let options =
+            Options::new(schedule.hardware, opened.requirements.specification.pitch_rate_limit);
         if self.steps {
             let channels = steps::channels(&law.table, speed);
             let list = steps::compare(&vehicle, &start, &plant, &law, &options, &channels)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
-            return self.show_steps(&list, speed);
+            return self.show_steps(&opened, &list, speed);
         }
         let measured = measure_axes(&vehicle, &start, &law, &options, &settings, &Axis::ALL)
             .map_err(|error| CliError::Missed(error.to_string()))?;
@@ -161,19 +166,21 @@ impl Identify {
             .map_err(|error| CliError::Missed(error.to_string()))?;
         pairs.extend(plant_pairs(&alone, &exact));
         if let Some(path) = &self.plot {
-            let svg = figure(&measured, &model, &gains, speed);
+            let svg = figure(&measured, &model, &gains, speed, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Json => {
-                let text = serde_json::to_string_pretty(&as_json(
-                    &pairs, &measured, &model, &gains, speed,
-                ))
-                .map_err(|error| CliError::Internal(error.to_string()))?;
+                let value = as_json(&pairs, &measured, &model, &gains, speed);
+                let text = serde_json::to_string_pretty(&opened.with_head(&value))
+                    .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => as_table(&pairs, speed).to_csv(),
-            Format::Table => as_table(&pairs, speed).to_text(Coloring::for_stdout()),
+            Format::Csv => as_table(&pairs, speed, system).to_csv(),
+            Format::Table => {
+                format!("{}\n", opened.head())
+                    + &as_table(&pairs, speed, system).to_text(Coloring::for_stdout())
+            }
         };
         self.output.write(&text)
     }
@@ -201,12 +208,18 @@ impl Identify {
         Ok(Sweep { duration, ..Sweep::default().scaled(self.amplitude) })
     }
 
-    fn show_steps(&self, list: &[SmallStep], speed: f64) -> Result<Outcome, CliError> {
+    fn show_steps(
+        &self,
+        opened: &Opened,
+        list: &[SmallStep],
+        speed: f64,
+    ) -> Result<Outcome, CliError> {
+        let system = self.units.system();
         if let Some(path) = &self.plot {
-            let svg = steps_figure(list, speed);
+            let svg = steps_figure(list, speed, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
+        let text = match self.format.of(&self.output)? {
             Format::Json => {
                 let steps: Vec<Json> = list
                     .iter()
@@ -227,12 +240,15 @@ impl Identify {
                     "speed_m_s": speed,
                     "steps": steps,
                 });
-                let text = serde_json::to_string_pretty(&value)
+                let text = serde_json::to_string_pretty(&opened.with_head(&value))
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => steps_table(list, speed).to_csv(),
-            Format::Table => steps_table(list, speed).to_text(Coloring::for_stdout()),
+            Format::Csv => steps_table(list, speed, system).to_csv(),
+            Format::Table => {
+                format!("{}\n", opened.head())
+                    + &steps_table(list, speed, system).to_text(Coloring::for_stdout())
+            }
         };
         self.output.write(&text)
     }
@@ -247,10 +263,11 @@ fn step_kind(channel: Channel) -> Kind {
     }
 }
 
-fn steps_table(list: &[SmallStep], speed: f64) -> Table {
+fn steps_table(list: &[SmallStep], speed: f64, system: System) -> Table {
     let title = format!(
-        "Small steps at {:.0} kt, flown beside the linear closed loop",
-        Kind::Airspeed.from_si(speed, System::Us)
+        "Small steps at {:.0} {}, flown beside the linear closed loop",
+        Kind::Airspeed.from_si(speed, system),
+        Kind::Airspeed.symbol(system)
     );
     let digits = Digits::Decimals(2);
     let mut table = Table::new(
@@ -267,8 +284,8 @@ fn steps_table(list: &[SmallStep], speed: f64) -> Table {
         let kind = step_kind(step.channel);
         table.row([
             Cell::from(step.channel.name()),
-            kind.symbol(System::Us).into(),
-            kind.from_si(steps::size(step.channel), System::Us).into(),
+            kind.symbol(system).into(),
+            kind.from_si(steps::size(step.channel), system).into(),
             (100.0 * step.difference()).into(),
             (100.0 * step.largest_difference()).into(),
         ]);
@@ -276,7 +293,7 @@ fn steps_table(list: &[SmallStep], speed: f64) -> Table {
     table
 }
 
-fn steps_figure(list: &[SmallStep], speed: f64) -> String {
+fn steps_figure(list: &[SmallStep], speed: f64, system: System) -> String {
     let panels: Vec<CurvePanel> = list
         .iter()
         .map(|step| {
@@ -285,19 +302,19 @@ fn steps_figure(list: &[SmallStep], speed: f64) -> String {
                 name: name.into(),
                 style,
                 x: step.time.clone(),
-                y: values.iter().map(|y| kind.from_si(*y, System::Us)).collect(),
+                y: values.iter().map(|y| kind.from_si(*y, system)).collect(),
                 marks: Marks::Without,
             };
             CurvePanel {
                 title: String::new(),
                 quantity: step.channel.name().into(),
-                unit: kind.symbol(System::Us).into(),
+                unit: kind.symbol(system).into(),
                 minimum_span: 0.0,
                 curves: vec![curve("flown", 0, &step.flown), curve("linear", 1, &step.linear)],
             }
         })
         .collect();
-    let title = format!("Small steps at {:.0} kt", Kind::Airspeed.from_si(speed, System::Us));
+    let title = format!("Small steps at {}", speed_text(speed, system));
     time_history_figure(&title, 2, &panels).to_svg()
 }
 
@@ -358,11 +375,12 @@ fn difference(pair: &Pair) -> Option<f64> {
     Some(100.0 * (pair.measured? / pair.predicted? - 1.0))
 }
 
-fn as_table(pairs: &[Pair], speed: f64) -> Table {
+fn as_table(pairs: &[Pair], speed: f64, system: System) -> Table {
     let digits = Digits::Significant(4);
     let title = format!(
-        "Measured in flight at {:.0} kt, beside the linear prediction",
-        Kind::Airspeed.from_si(speed, System::Us)
+        "Measured in flight at {:.0} {}, beside the linear prediction",
+        Kind::Airspeed.from_si(speed, system),
+        Kind::Airspeed.symbol(system)
     );
     let mut table = Table::new(
         &title,
@@ -450,7 +468,13 @@ fn as_json(
     })
 }
 
-fn figure(measured: &[Measured], model: &LoopModel, gains: &GainSet, speed: f64) -> String {
+fn figure(
+    measured: &[Measured],
+    model: &LoopModel,
+    gains: &GainSet,
+    speed: f64,
+    system: System,
+) -> String {
     let channels: Vec<BodeChannel> = measured
         .iter()
         .map(|m| {
@@ -478,7 +502,6 @@ fn figure(measured: &[Measured], model: &LoopModel, gains: &GainSet, speed: f64)
             }
         })
         .collect();
-    let title =
-        format!("Loops cut at the sticks, {:.0} kt", Kind::Airspeed.from_si(speed, System::Us));
+    let title = format!("Loops cut at the sticks, {}", speed_text(speed, system));
     bode_figure(&title, &channels).to_svg()
 }

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::args::{OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{FileForm, OutputArgs, ProblemArgs, RunArgs, UnitsArgs, form_of};
 use super::bode::speed_text;
 use super::models::{
     Choice, Flown, Inputs, PointArgs, ReduceArgs, Reduced, bands, choice_among,
@@ -82,6 +82,17 @@ pub enum ModelFormat {
     Mat,
 }
 
+impl FileForm for ModelFormat {
+    const ENDINGS: &'static [(&'static str, Self)] = &[
+        ("txt", ModelFormat::Table),
+        ("md", ModelFormat::Table),
+        ("csv", ModelFormat::Csv),
+        ("json", ModelFormat::Json),
+        ("mat", ModelFormat::Mat),
+    ];
+    const USUAL: Self = ModelFormat::Table;
+}
+
 /// Linear models of a trim: periodic, averaged, harmonic, reduced
 #[derive(Debug, Args)]
 pub struct Linearize {
@@ -107,9 +118,12 @@ pub struct Linearize {
     /// Show what averaging does, beside Floquet theory and harmonic models
     #[arg(long, conflicts_with = "speeds")]
     floquet: bool,
-    /// Form of the result
-    #[arg(long, value_enum, default_value = "table")]
-    format: ModelFormat,
+    /// Form of the result [default: what the ending of -o says, else table]
+    #[arg(long, value_enum)]
+    format: Option<ModelFormat>,
+    /// The form, once it is known.
+    #[arg(skip = ModelFormat::Table)]
+    form: ModelFormat,
     #[command(flatten)]
     units: UnitsArgs,
     #[command(flatten)]
@@ -146,7 +160,7 @@ impl Case {
 
     fn record(&self) -> ModelRecord {
         ModelRecord {
-            speed: self.condition.airspeed,
+            speed: self.condition.horizontal_speed(),
             interactions: Some(self.interactions),
             model: self.result().clone(),
             trim: self.trim.clone(),
@@ -155,10 +169,11 @@ impl Case {
 }
 
 impl Linearize {
-    pub(super) fn run(self) -> Result<Outcome, CliError> {
+    pub(super) fn run(mut self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.form = form_of(self.format, self.output.file())?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         self.check_form()?;
         self.run.start()?;
@@ -182,8 +197,8 @@ impl Linearize {
         };
         let both = self.interactions == Interactions::Both;
         let full = self.model == Choice::Full;
-        match self.format {
-            ModelFormat::Mat if self.output.output.is_none() => {
+        match self.form {
+            ModelFormat::Mat if self.output.file().is_none() => {
                 return refuse("--format mat is binary and needs a file", "add -o FILE.mat");
             }
             ModelFormat::Csv | ModelFormat::Mat if both => {
@@ -256,10 +271,10 @@ impl Linearize {
             .collect::<Result<_, _>>()?;
         let system = self.units.system();
         if let Some(path) = &self.plot {
-            let svg = response_figure(problem, self.model, &cases)?.to_svg();
+            let svg = response_figure(problem, self.model, &cases, system)?.to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        if self.format != ModelFormat::Table && !self.run.quiet {
+        if self.form != ModelFormat::Table && !self.run.quiet {
             for case in &cases {
                 output::note(&summary(case));
                 if let Some((floquet, error)) = &case.averaging {
@@ -268,7 +283,7 @@ impl Linearize {
             }
         }
         let first = &cases[0];
-        match self.format {
+        match self.form {
             ModelFormat::Table => {
                 let mut text = String::new();
                 for case in &cases {
@@ -283,7 +298,7 @@ impl Linearize {
                     .map(|case| {
                         if self.model == Choice::Full {
                             periodic_to_json(
-                                case.condition.airspeed,
+                                case.condition.horizontal_speed(),
                                 Some(case.interactions),
                                 &case.linearization.model,
                                 system,
@@ -296,7 +311,7 @@ impl Linearize {
                 self.output.write(&joined(&texts))
             }
             ModelFormat::Mat if self.model == Choice::Full => self.write_bytes(&periodic_to_mat(
-                first.condition.airspeed,
+                first.condition.horizontal_speed(),
                 Some(first.interactions),
                 &first.linearization.model,
                 system,
@@ -306,7 +321,7 @@ impl Linearize {
     }
 
     fn write_bytes(&self, bytes: &[u8]) -> Result<Outcome, CliError> {
-        let Some(path) = &self.output.output else {
+        let Some(path) = self.output.file() else {
             return Err(CliError::Internal("a MAT file without a name".into()));
         };
         output::write_whole(path, bytes, self.output.force)?;
@@ -314,20 +329,21 @@ impl Linearize {
     }
 
     fn set(&self, problem: &Problem, grid: Vec<FlightCondition>) -> Result<Outcome, CliError> {
-        if grid.windows(2).any(|w| w[1].airspeed <= w[0].airspeed) {
+        if grid.windows(2).any(|w| w[1].horizontal_speed() <= w[0].horizontal_speed()) {
             return Err(CliError::Usage {
                 message: "the speeds of a model set must increase".into(),
                 help: "write --speeds 0:90:5kt".into(),
             });
         }
-        // The points halfway are trimmed beside the others, not between them,
-        // so that both cores work and the set does not depend on the check.
         let halfway: Vec<FlightCondition> = grid
             .windows(2)
             .map(|w| FlightCondition {
-                airspeed: 0.5 * (w[0].airspeed + w[1].airspeed),
-                climb_rate: 0.5 * (w[0].climb_rate + w[1].climb_rate),
-                ..w[0]
+                turn_rate: w[0].turn_rate,
+                lateral: w[0].lateral,
+                ..FlightCondition::climbing(
+                    0.5 * (w[0].horizontal_speed() + w[1].horizontal_speed()),
+                    w[0].climb_rate,
+                )
             })
             .collect();
         let positions = self.interactions.positions();
@@ -354,7 +370,7 @@ impl Linearize {
             }
             let set = ModelSet::new(
                 Some(flown.interactions),
-                at_grid.iter().map(|case| case.condition.airspeed).collect(),
+                at_grid.iter().map(|case| case.condition.horizontal_speed()).collect(),
                 at_grid.iter().map(|case| case.result().clone()).collect(),
             )?;
             let trims: Option<Vec<TrimValues>> =
@@ -369,7 +385,7 @@ impl Linearize {
                     check_interpolation(
                         &set,
                         Interpolation::default(),
-                        case.condition.airspeed,
+                        case.condition.horizontal_speed(),
                         case.result(),
                         &omega,
                         &ErrorOptions::default(),
@@ -383,12 +399,15 @@ impl Linearize {
             let svg = derivative_figure(problem, &sets, system).to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let midpoints: String =
-            sets.iter().zip(&checks).map(|(set, checks)| midpoint_table(set, checks)).collect();
-        if self.format != ModelFormat::Table && !self.run.quiet {
+        let midpoints: String = sets
+            .iter()
+            .zip(&checks)
+            .map(|(set, checks)| midpoint_table(set, checks, system))
+            .collect();
+        if self.form != ModelFormat::Table && !self.run.quiet {
             output::note(&midpoints);
         }
-        match self.format {
+        match self.form {
             ModelFormat::Table => {
                 let mut text = format!(
                     "{}: {}{} over speed\n",
@@ -427,13 +446,12 @@ impl Linearize {
     }
 
     fn tables(&self, problem: &Problem, case: &Case, system: System) -> Result<String, CliError> {
-        let knots = Kind::Airspeed.from_si(case.condition.airspeed, System::Us);
         let mut text = format!(
             "{}: {}{} at {}, interactions {}\n",
             problem.name,
             if case.reduced.is_some() { "reduced " } else { "" },
             self.model.label(),
-            speed_text(knots),
+            speed_text(case.condition.horizontal_speed(), system),
             on_off(case.interactions)
         );
         text += &summary(case);
@@ -492,7 +510,7 @@ fn only_rigid_body(model: &PeriodicModel) -> Result<PeriodicModel, LinearError> 
 }
 
 /// Several JSON texts as one: a list if there is more than one.
-fn joined(texts: &[String]) -> String {
+pub(super) fn joined(texts: &[String]) -> String {
     match texts {
         [one] => one.clone(),
         _ => {
@@ -757,11 +775,11 @@ fn set_name(set: &ModelSet) -> String {
 }
 
 /// How well the models in between are met by interpolation.
-fn midpoint_table(set: &ModelSet, checks: &[MidpointCheck]) -> String {
+fn midpoint_table(set: &ModelSet, checks: &[MidpointCheck], system: System) -> String {
     let mut table = Table::new(
         &format!("Cubic interpolation halfway between the speeds, {}", set_name(set)),
         vec![
-            Column::number("speed", "kt", Digits::Decimals(1)),
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
             Column::number("worst entry off by", "%", Digits::Significant(2)),
             Column::text("entry"),
             Column::number("eigenvalues off by", "rad/s", Digits::Significant(2)),
@@ -770,14 +788,13 @@ fn midpoint_table(set: &ModelSet, checks: &[MidpointCheck]) -> String {
     );
     let mut coarse = Vec::new();
     for check in checks {
-        let knots = Kind::Airspeed.from_si(check.speed, System::Us);
         let response = check.response.sigma_max.iter().copied().fold(0.0, f64::max);
         let good = response <= check.response.tolerance;
         if !good {
-            coarse.push(speed_text(knots));
+            coarse.push(speed_text(check.speed, system));
         }
         table.row([
-            Cell::from(knots),
+            Cell::from(Kind::Airspeed.from_si(check.speed, system)),
             Cell::from(100.0 * check.entry_error),
             Cell::from(check.entry.as_str()),
             Cell::from(check.eigenvalue_error),
@@ -796,7 +813,12 @@ fn midpoint_table(set: &ModelSet, checks: &[MidpointCheck]) -> String {
 }
 
 /// On-axis responses of the models, full and reduced.
-fn response_figure(problem: &Problem, choice: Choice, cases: &[Case]) -> Result<Figure, CliError> {
+fn response_figure(
+    problem: &Problem,
+    choice: Choice,
+    cases: &[Case],
+    system: System,
+) -> Result<Figure, CliError> {
     let mut labels: Vec<(String, usize)> = Vec::new();
     let mut models: Vec<&StateSpace> = Vec::new();
     for case in cases {
@@ -837,10 +859,10 @@ fn response_figure(problem: &Problem, choice: Choice, cases: &[Case]) -> Result<
                 .collect(),
         });
     }
-    let knots = Kind::Airspeed.from_si(cases[0].condition.airspeed, System::Us);
+    let speed = speed_text(cases[0].condition.horizontal_speed(), system);
     // Of the periodic model the average is shown.
     let shown = if choice == Choice::Full { Choice::Averaged } else { choice };
-    let title = format!("{}: {} at {}", problem.name, shown.label(), speed_text(knots));
+    let title = format!("{}: {} at {}", problem.name, shown.label(), speed);
     Ok(bode_figure(&title, &channels))
 }
 

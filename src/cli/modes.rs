@@ -7,8 +7,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs};
-use super::bode::speed_text;
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::bode::{speed_key, speed_text};
 use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
@@ -16,6 +16,7 @@ use coaxdesign::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponen
 use coaxdesign::linear::linearize::{Options, linearize};
 use coaxdesign::linear::modes::{Mode, modes};
 use coaxdesign::linear::{LinearError, PeriodicModel, StateSpace};
+use coaxdesign::lti::{LtiSet, PointModel};
 use coaxdesign::problem::{Problem, Reference};
 use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
 use coaxdesign::report::plot::Legend;
@@ -33,6 +34,11 @@ pub struct Modes {
     #[command(flatten)]
     problem: ProblemArgs,
     #[command(flatten)]
+    models: ModelsArgs,
+    /// Specification whose [models_from] maps the names and units of the set
+    #[arg(long, value_name = "SPEC", requires = "models")]
+    spec: Option<PathBuf>,
+    #[command(flatten)]
     point: PointArgs,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "both")]
@@ -44,6 +50,8 @@ pub struct Modes {
     reduce: ReduceArgs,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
     /// Plot the eigenvalues to an SVG file
@@ -90,8 +98,9 @@ struct Listing {
 impl Modes {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
+        self.format.of(&self.output)?;
         if let Some(path) = &self.plot {
-            self.output.check_path(path)?;
+            self.output.check_plot(path)?;
         }
         if self.model == Choice::Floquet && self.reduce.reduce.is_some() {
             return Err(CliError::Usage {
@@ -100,6 +109,11 @@ impl Modes {
             });
         }
         self.run.start()?;
+        if let Some((set, point)) =
+            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        {
+            return self.of_models(&set, &point);
+        }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let condition = self.point.condition(&mut loaded.problem)?;
         let problem = &loaded.problem;
@@ -109,19 +123,53 @@ impl Modes {
         };
         let mut listings: Vec<Listing> =
             flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
+        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
+        let speed = condition.horizontal_speed();
         if let Some(published) = published(problem, knots)? {
             listings.push(published);
         }
-        let title = format!("{}: {} at {}", problem.name, self.title(), speed_text(knots));
+        self.show(&problem.name, speed, &self.title(), &listings)
+    }
+
+    /// The modes of a linear model from elsewhere.
+    fn of_models(&self, set: &LtiSet, point: &PointModel) -> Result<Outcome, CliError> {
+        let mut note = String::new();
+        let (rows, what) = match self.reduce.apply(&point.model)? {
+            None => (plain(modes(&point.model)?), "modes of the model"),
+            Some(reduced) => {
+                note = reduced.summary(&point.model);
+                (plain(modes(&reduced.model)?), "modes of the reduced model")
+            }
+        };
+        let listing = Listing {
+            label: point.label.clone(),
+            style: 0,
+            interactions: false,
+            published: false,
+            note,
+            rows,
+        };
+        self.show(&set.name, point.speed, what, &[listing])
+    }
+
+    /// Modes at a speed, m/s.
+    fn show(
+        &self,
+        name: &str,
+        speed: f64,
+        what: &str,
+        listings: &[Listing],
+    ) -> Result<Outcome, CliError> {
+        let system = self.units.system();
+        let title = format!("{name}: {what} at {}", speed_text(speed, system));
         if let Some(path) = &self.plot {
-            let svg = figure(&title, &listings).to_svg();
+            let svg = figure(&title, listings).to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        let text = match self.format.format {
-            Format::Table => tables(&title, &listings),
-            Format::Csv => csv(&listings),
-            Format::Json => json_text(&problem.name, knots, &self.title(), &listings)?,
+        let text = match self.format.of(&self.output)? {
+            Format::Table => tables(&title, listings),
+            Format::Csv => csv(listings),
+            Format::Json => json_text(name, speed_key(speed, system), what, listings)?,
         };
         self.output.write(&text)
     }
@@ -374,7 +422,7 @@ fn csv(listings: &[Listing]) -> String {
 
 fn json_text(
     name: &str,
-    knots: f64,
+    (speed_key, speed): (&str, f64),
     model: &str,
     listings: &[Listing],
 ) -> Result<String, CliError> {
@@ -393,7 +441,7 @@ fn json_text(
     let all = json!({
         "schema": "coaxdesign.modes/1",
         "name": name,
-        "speed_kt": knots,
+        speed_key: speed,
         "model": model,
         "models": models,
     });

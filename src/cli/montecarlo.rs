@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, RunArgs};
+use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
 use super::fly::{FlyArgs, Ready};
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::simulate::montecarlo::{COLUMNS, Criterion, Ranges, Run, wilson};
-use coaxdesign::units::{KNOT, Kind, parse_quantity};
+use coaxdesign::units::{Kind, parse_quantity};
 
 /// Fly a manoeuvre many times with the aircraft and the air varied
 ///
@@ -84,6 +84,8 @@ pub struct MonteCarlo {
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
     run: RunArgs,
 }
 
@@ -123,7 +125,7 @@ impl MonteCarlo {
             file.finish(&known)?;
         }
         let list: Vec<&Run> = known.values().collect();
-        output::print(&self.summary(head, &list)?)?;
+        output::print(&self.summary(&ready, head, &list)?)?;
         self.outcome(runs, &list)
     }
 
@@ -204,7 +206,7 @@ impl MonteCarlo {
         Ok(Study::new(&ready.loaded, schedule, plan, runs, ranges, criterion)?)
     }
 
-    fn summary(&self, head: &StudyHead, list: &[&Run]) -> Result<String, CliError> {
+    fn summary(&self, ready: &Ready, head: &StudyHead, list: &[&Run]) -> Result<String, CliError> {
         let count = |word: &str| list.iter().filter(|run| run.status == word).count();
         let successes = list.iter().filter(|run| run.success).count();
         let [low, high] = wilson(successes, list.len(), 1.96);
@@ -216,9 +218,12 @@ impl MonteCarlo {
         };
         worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
         worst.truncate(5);
-        if self.format.format == Format::Json {
+        if self.format.shown() == Format::Json {
             let value = json!({
                 "schema": STUDY_SCHEMA,
+                "design": ready.opened.as_ref().map(|o| &o.name),
+                "aircraft": ready.loaded.problem.name,
+                "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
                 "study": head,
                 "flown": list.len(),
                 "completed": count("completed"),
@@ -236,7 +241,7 @@ impl MonteCarlo {
                 .map_err(|error| CliError::Internal(error.to_string()))?;
             return Ok(text + "\n");
         }
-        if self.format.format == Format::Csv {
+        if self.format.shown() == Format::Csv {
             let mut text = COLUMNS.map(|(name, _)| name).join(",") + "\n";
             for run in list {
                 let row = serde_json::to_value(run)
@@ -255,8 +260,11 @@ impl MonteCarlo {
             }
             return Ok(text);
         }
-        let mut text = format!(
-            "{}: {} of {} runs flown: {} completed, {} ended at a limit, {} diverged, {} did not \
+        let system = self.units.system();
+        let unit = Kind::Airspeed.symbol(system);
+        let mut text = ready.head();
+        text += &format!(
+            "\n{}: {} of {} runs flown: {} completed, {} ended at a limit, {} diverged, {} did not \
              trim\nSuccess: {} of {} ({:.1} %, 95 % confidence {:.1} to {:.1} %)\n\nWorst:\n",
             head.maneuver.name,
             list.len(),
@@ -273,14 +281,16 @@ impl MonteCarlo {
         );
         for run in worst {
             let v = &run.variation;
-            let peak = run.velocity_peak_m_s.iter().copied().fold(0.0, f64::max) / KNOT;
+            let peak = run.velocity_peak_m_s.iter().copied().fold(0.0, f64::max);
+            let peak = Kind::Airspeed.from_si(peak, system);
             text += &format!(
-                "  run {}: {} at {:.1} s, velocity error up to {peak:.1} kt\n    replay: \
-                 coaxdesign simulate ... --seed {} --model mass={} --model inertia={} --model \
-                 \"cg={} m\" --model \"delay={} s\"",
+                "  run {}: {} at {:.1} s, velocity error up to {peak:.1} {unit}\n    replay: {} \
+                 --seed {} --model mass={} --model inertia={} --model \"cg={} m\" --model \
+                 \"delay={} s\"",
                 run.run,
                 run.status,
                 run.time_s,
+                self.fly.replay(),
                 run.seed,
                 v.mass,
                 v.inertia,

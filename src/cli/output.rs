@@ -2,6 +2,7 @@
 
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use super::CliError;
 
@@ -60,18 +61,28 @@ impl WholeFile {
                 return Err(CliError::Exists { path: path.into() });
             }
             target = path.canonicalize().map_err(fault)?;
+            if INPUTS.lock().is_ok_and(|inputs| inputs.contains(&target)) {
+                return Err(CliError::Usage {
+                    message: format!("{}: this command reads the file", path.display()),
+                    help: "write the result to another file".into(),
+                });
+            }
         }
         let directory = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".coaxdesign-");
+        clean(directory);
+        builder.prefix(TEMPORARY);
         // An ordinary new file, less what the process masks: a temporary one
         // would be closed to everybody else.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(directory).map_err(fault)?;
+        // Until it is closed, nobody takes it for one that was left behind. A
+        // file system without locks has only its age.
+        let _ = file.as_file().try_lock();
         let sink = Sink::Temporary(BufWriter::new(file));
         Ok(Self { path: path.into(), target, overwrite, sink })
     }
@@ -135,6 +146,82 @@ impl std::io::Write for WholeFile {
     }
 }
 
+/// Whether two paths lead to one file, which need not be there yet.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    let whole = |path: &Path| {
+        if let Ok(found) = path.canonicalize() {
+            return Some(found);
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(parent.canonicalize().ok()?.join(path.file_name()?))
+    };
+    a == b || matches!((whole(a), whole(b)), (Some(a), Some(b)) if a == b)
+}
+
+/// Files that this command has read.
+static INPUTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Notes that a file is an input of this command, which no result may replace.
+pub fn is_input(path: &Path) {
+    if let Ok(whole) = path.canonicalize()
+        && let Ok(mut inputs) = INPUTS.lock()
+    {
+        inputs.push(whole);
+    }
+}
+
+/// Words as a shell takes them: quoted where they hold more than letters,
+/// digits and harmless marks.
+pub fn shell_line(words: &[String]) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./:,=+@%".contains(c);
+    let quoted = |word: &String| {
+        if !word.is_empty() && word.chars().all(plain) {
+            word.clone()
+        } else if word.contains(['"', '$', '`', '\\', '!']) {
+            format!("'{}'", word.replace('\'', "'\\''"))
+        } else {
+            format!("\"{word}\"")
+        }
+    };
+    words.iter().map(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// Prefix of temporary files.
+const TEMPORARY: &str = ".coaxdesign-";
+/// Temporary files younger than this may belong to a command that has not
+/// locked them yet, s.
+const YOUNG: u64 = 10;
+
+/// Removes temporary files that a killed command left in a directory. Those of
+/// a command at work are locked. What cannot be removed is left.
+pub fn clean(directory: &Path) {
+    let Ok(entries) = std::fs::read_dir(directory) else { return };
+    for entry in entries.flatten() {
+        let ours = entry.file_name().to_str().is_some_and(|name| name.starts_with(TEMPORARY));
+        let old = entry
+            .metadata()
+            .and_then(|m| m.modified())
+            .is_ok_and(|t| t.elapsed().is_ok_and(|age| age.as_secs() >= YOUNG));
+        if !ours || !old {
+            continue;
+        }
+        let path = entry.path();
+        if path.is_dir() {
+            let guard = std::fs::File::open(path.join(GUARD));
+            // Files that were there before and were not put back are kept.
+            let kept = std::fs::read_dir(path.join("old")).is_ok_and(|mut d| d.next().is_some());
+            if !kept && guard.is_ok_and(|file| file.try_lock().is_ok()) {
+                let _ = std::fs::remove_dir_all(&path);
+            }
+        } else if std::fs::File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+            let _ = std::fs::remove_file(&path);
+        }
+    }
+}
+
+/// The file of a temporary directory that is locked while it is in use.
+const GUARD: &str = "guard";
+
 /// Writes several files into a directory, which is made if it is not there:
 /// all of them or none. Every file is first written whole under another name;
 /// then all take their names, and if one cannot, those before it give theirs
@@ -161,17 +248,25 @@ pub fn write_set(
         }
     }
     std::fs::create_dir_all(directory).map_err(fault(directory))?;
+    clean(directory);
     // On the same file system as the targets, so that a rename suffices.
     let stage = tempfile::Builder::new()
-        .prefix(".coaxdesign-")
+        .prefix(TEMPORARY)
         .tempdir_in(directory)
         .map_err(fault(directory))?;
+    let guard = std::fs::File::create(stage.path().join(GUARD)).map_err(fault(directory))?;
+    let _ = guard.try_lock();
     let (new, old) = (stage.path().join("new"), stage.path().join("old"));
     for part in [&new, &old] {
         std::fs::create_dir(part).map_err(fault(directory))?;
     }
     for (name, bytes) in files {
         let path = new.join(name);
+        // Names may lead into folders.
+        let parents = [&new, &old].map(|part| part.join(name));
+        for parent in parents.iter().chain([&directory.join(name)]).filter_map(|p| p.parent()) {
+            std::fs::create_dir_all(parent).map_err(fault(parent))?;
+        }
         let mut file = std::fs::File::create(&path).map_err(fault(&directory.join(name)))?;
         file.write_all(bytes).map_err(fault(&directory.join(name)))?;
         file.sync_all().map_err(fault(&directory.join(name)))?;
@@ -314,7 +409,7 @@ mod tests {
         assert!(!place.join("a").exists());
         // So does one that cannot be written.
         let mut bad = set("x");
-        bad[1].0 = "none/b".into();
+        bad[1].0 = "b/c".into();
         assert!(matches!(write_set(&place, &bad, true), Err(CliError::Io { .. })));
         assert!(!place.join("a").exists());
         assert_eq!(read("b"), "b first");

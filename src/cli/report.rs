@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::args::{ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{RunArgs, UnitsArgs};
+use super::designs::{Opened, SourceArgs, directory_of};
 use super::{CliError, Outcome, output};
 use coaxdesign::control::law::LawTable;
-use coaxdesign::pipeline::{Requirements, problem_hash};
-use coaxdesign::problem::{self, Loaded};
+use coaxdesign::pipeline::Requirements;
+use coaxdesign::problem::Loaded;
 use coaxdesign::report::html::Page;
 use coaxdesign::schedule::Schedule;
 use gather::{Checked, Study};
@@ -25,15 +26,11 @@ use maneuvers::Flown;
 /// or dark screen, prints, and fits a phone.
 #[derive(Debug, Args)]
 pub struct Report {
-    /// Directory of a design, with the schedule.json of `tune-gains`
+    /// Directory of a design
     #[arg(value_name = "DESIGN")]
     design: PathBuf,
-    /// Problem file of the design [default: the one noted in the design, or a built-in one]
-    #[arg(long, value_name = "FILE")]
-    problem: Option<PathBuf>,
-    /// Specification of the design [default: the one noted in the design, or the built-in one]
-    #[arg(long, value_name = "SPEC")]
-    spec: Option<PathBuf>,
+    #[command(flatten)]
+    sources: SourceArgs,
     /// Page to write [default: report.html in the design's directory]
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
@@ -57,24 +54,18 @@ impl Report {
         if path.exists() && !self.force {
             return Err(CliError::Exists { path });
         }
-        let inputs = Inputs::find(directory, self.problem.as_deref(), self.spec.as_deref())?;
+        // A page beside the design is one more writer into its directory.
+        let _lock = match &self.output {
+            None if directory.is_dir() => Some(super::designs::lock(directory)?),
+            _ => None,
+        };
+        let inputs = Inputs::find(&self.design, &self.sources, self.run.quiet)?;
         let html = page(&inputs, &self.speeds, self.units, self.run.quiet)?;
         output::write_whole(&path, html.as_bytes(), self.force)?;
         if !self.run.quiet {
             output::note(&format!("Wrote {}.\n", path.display()));
         }
         Ok(Outcome::Done)
-    }
-}
-
-/// The directory of a design that is named by it or by its schedule.
-pub(super) fn directory_of(design: &Path) -> &Path {
-    if design.is_dir() {
-        return design;
-    }
-    match design.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
     }
 }
 
@@ -95,37 +86,16 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    /// Reads a design and finds the problem and the specification that it was
-    /// tuned for.
+    /// Reads a design with its aircraft and its specification.
     ///
     /// # Errors
-    /// No schedule, or no problem with the hash that the schedule carries.
-    pub fn find(
-        directory: &Path,
-        problem: Option<&Path>,
-        spec: Option<&Path>,
-    ) -> Result<Self, CliError> {
-        let schedule = gather::schedule(directory)?;
-        let checked = gather::verification(directory)?;
-        let noted = super::design::Noted::read(directory)?;
-        let wanted = &schedule.provenance.problem_hash;
-        let problem = problem.map(Path::to_path_buf).or(noted.problem);
-        let (loaded, problem_name) = match problem {
-            Some(path) => {
-                let name = path.display().to_string();
-                (ProblemArgs { file: Some(path) }.load()?, name)
-            }
-            None => builtin_with(wanted)?.ok_or_else(|| CliError::Usage {
-                message: format!(
-                    "{}: the schedule was tuned for another problem than the built-in ones",
-                    directory.display()
-                ),
-                help: "name its problem file with --problem FILE".into(),
-            })?,
-        };
-        let spec_path = spec.map(Path::to_path_buf).or(noted.specification);
-        let requirements = super::tune::SpecArgs::of(spec_path).load()?;
-        let flights = maneuvers::read(directory, &schedule)?;
+    /// As [`Opened::read`], and files of the design that are not what they
+    /// should be.
+    pub fn find(design: &Path, sources: &SourceArgs, quiet: bool) -> Result<Self, CliError> {
+        let opened = Opened::read(design, sources, quiet)?;
+        let checked = gather::verification(&opened.directory)?;
+        let flights = maneuvers::read(&opened.directory, &opened.schedule)?;
+        let Opened { schedule, loaded, problem_name, requirements, .. } = opened;
         Ok(Self { schedule, checked, flights, loaded, problem_name, requirements })
     }
 }
@@ -135,17 +105,6 @@ impl Inputs {
     pub fn law(&self) -> Result<LawTable, CliError> {
         self.schedule.law().map_err(|error| CliError::Internal(error.to_string()))
     }
-}
-
-/// The built-in problem with a hash.
-fn builtin_with(wanted: &str) -> Result<Option<(Loaded, String)>, CliError> {
-    for name in problem::BUILTIN {
-        let loaded = problem::builtin_named(name)?;
-        if problem_hash(&loaded) == wanted {
-            return Ok(Some((loaded, format!("{name} (built in)"))));
-        }
-    }
-    Ok(None)
 }
 
 /// The report as HTML.

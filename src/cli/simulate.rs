@@ -136,9 +136,9 @@ impl Simulate {
         self.run.start()?;
         self.output.check()?;
         if let Some(plot) = &self.plot {
-            self.output.check_path(plot)?;
+            self.output.check_plot(plot)?;
         }
-        let form = self.output.output.as_deref().map(history_form).transpose()?;
+        let form = self.output.file().map(history_form).transpose()?;
         let ready = self.fly.ready(self.run.quiet)?;
         let system = self.units.system();
         let every = self.every()?;
@@ -155,7 +155,7 @@ impl Simulate {
         let problem = &ready.loaded.problem;
         let flown = fly(problem, ready.schedule.as_ref(), &plan, &watch, |columns, row| {
             if row.is_empty() {
-                if let (Some(form), Some(path)) = (form, &self.output.output) {
+                if let (Some(form), Some(path)) = (form, self.output.file()) {
                     stream = Stream::create(form, path, self.output.force, columns, system)?;
                 }
                 return Ok(());
@@ -171,7 +171,7 @@ impl Simulate {
         let kept = Kept { columns: flown.columns.clone(), rows: kept };
         let (status, metrics) = (&flown.status, &flown.metrics);
         let summary = summary(&ready, &flown)?;
-        if let (Some(History::Json), Some(path)) = (form, &self.output.output) {
+        if let (Some(History::Json), Some(path)) = (form, self.output.file()) {
             let mut whole = summary.clone();
             whole["history"] = history(&kept);
             let text = pretty(&whole)?;
@@ -182,7 +182,7 @@ impl Simulate {
             let svg = figure(&ready, status, &kept, rows.round() as usize, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
-        match self.format.format {
+        match self.format.shown() {
             Format::Json => output::print(&pretty(&summary)?)?,
             Format::Csv => output::print(&tracking_table(metrics, system).to_csv())?,
             Format::Table => {
@@ -208,6 +208,33 @@ impl Simulate {
         }
         Ok((interval * self.fly.control_rate).round().max(1.0) as u64)
     }
+}
+
+/// The file of a flight, metrics and history, and how it ended: what `design`
+/// keeps of its manoeuvre.
+pub(super) fn recorded(
+    ready: &Ready,
+    every: u64,
+    watch: &Watch,
+) -> Result<(String, Outcome), CliError> {
+    let plan = FlightPlan {
+        maneuver: ready.as_read.clone(),
+        variation: ready.variation,
+        options: ready.options.clone(),
+        every,
+    };
+    let mut rows = Vec::new();
+    let flown =
+        fly::<CliError>(&ready.loaded.problem, ready.schedule.as_ref(), &plan, watch, |_, row| {
+            if !row.is_empty() {
+                rows.push(row.to_vec());
+            }
+            Ok(())
+        })?;
+    let mut whole = summary(ready, &flown)?;
+    whole["history"] = history(&Kept { columns: flown.columns.clone(), rows });
+    let completed = flown.status == Status::Completed;
+    Ok((pretty(&whole)?, if completed { Outcome::Done } else { Outcome::GoalMissed }))
 }
 
 fn pretty(value: &Json) -> Result<String, CliError> {
@@ -251,6 +278,9 @@ fn summary(ready: &Ready, flown: &Flown) -> Result<Json, CliError> {
         "schema": SCHEMA,
         "maneuver": ready.maneuver.title,
         "aircraft": ready.loaded.problem.name,
+        "design": ready.opened.as_ref().map(|o| &o.name),
+        "problem": ready.opened.as_ref().map(|o| &o.problem_name),
+        "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
         "schedule": ready.schedule.as_ref().map(|s| json!({
             "name": s.name,
             "requirements_met": s.requirements_met,
@@ -357,7 +387,7 @@ fn actuator_table(metrics: &Metrics) -> Table {
 
 fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) -> String {
     let end = &metrics.end;
-    let mut text = format!("{}: ", ready.maneuver.title);
+    let mut text = format!("{}\n{}: ", ready.head(), ready.maneuver.title);
     text += &match (&end.state, end.value, end.bound) {
         (Some(state), Some(value), Some(bound)) => format!(
             "{} at {:.2} s: {state} passed {bound:.4} (SI; it was {value:.4})\n",

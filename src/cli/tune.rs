@@ -1,9 +1,11 @@
 //! `coaxdesign tune-gains`.
 
 use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::designs::{Chosen, lock};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
@@ -40,7 +42,8 @@ pub struct Tune {
     models: ModelsArgs,
     #[command(flatten)]
     spec: SpecArgs,
-    /// Directory for schedule.json and verification.json
+    /// Directory of the design: schedule.json, verification.json, and all that made them. A design
+    /// that is there keeps its aircraft and its specification unless others are named
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Replace files that are already there
@@ -89,7 +92,7 @@ impl AxisName {
 /// `--spec` and `--nominal-only`.
 #[derive(Debug, Clone, Args)]
 pub struct SpecArgs {
-    /// Specification file [default: the built-in Level 1 targets]
+    /// Specification file [default: that of the design in -o, else the built-in Level 1 targets]
     #[arg(long, value_name = "SPEC")]
     spec: Option<PathBuf>,
     /// Use only the first nominal model of the specification
@@ -103,13 +106,25 @@ impl SpecArgs {
         Self { spec, nominal_only: false }
     }
 
+    /// Whether a file is named.
+    pub(super) fn is_given(&self) -> bool {
+        self.spec.is_some()
+    }
+
     /// Reads the specification.
     pub(super) fn load(&self) -> Result<Requirements, CliError> {
-        let requirements = match &self.spec {
+        Ok(self.reduced(match &self.spec {
             None => Requirements::builtin()?,
-            Some(path) => Requirements::load(path)?,
-        };
-        Ok(if self.nominal_only { requirements.nominal_only() } else { requirements })
+            Some(path) => {
+                output::is_input(path);
+                Requirements::load(path)?
+            }
+        }))
+    }
+
+    /// A specification with the models that are asked for.
+    pub(super) fn reduced(&self, requirements: Requirements) -> Requirements {
+        if self.nominal_only { requirements.nominal_only() } else { requirements }
     }
 }
 
@@ -119,11 +134,31 @@ pub(super) fn usage(message: String, help: &str) -> CliError {
 }
 
 impl Tune {
+    /// The choices that shape the design, for its note.
+    fn options(&self) -> BTreeMap<String, String> {
+        let mut options = BTreeMap::new();
+        if !self.axes.is_empty() {
+            let axes: Vec<&str> = self.axes.iter().map(|a| a.channel().name()).collect();
+            options.insert("axis".into(), axes.join(","));
+        }
+        if self.spec.nominal_only {
+            options.insert("nominal-only".into(), "true".into());
+        }
+        options
+    }
+
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
-        let requirements = self.spec.load()?;
-        let mapping = &requirements.specification.models_from;
-        let set = self.models.load(&self.problem, mapping, &requirements.name, self.run.quiet)?;
+        let _lock = self.output.as_deref().map(lock).transpose()?;
+        let own = self.spec.load()?;
+        let mapping = &own.specification.models_from;
+        let quiet = self.run.quiet;
+        let set = self.models.load(&self.problem, mapping, &own.name, quiet)?;
+        let chosen = match &set {
+            Some(_) => None,
+            None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
+        };
+        let requirements = chosen.as_ref().map_or(&own, |chosen| &chosen.requirements);
         let system = self.units.system();
         let paths =
             self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
@@ -139,15 +174,15 @@ impl Tune {
             explain_all: self.explain,
         };
         let watch = Watch::new(self.run.quiet);
-        let tuned = match &set {
-            Some(set) => tune_models(set, &requirements, &options, &watch)?,
-            None => {
-                let loaded = self.problem.load_with_warnings(self.run.quiet)?;
-                tune(&loaded, &requirements, &options, &watch)?
+        let tuned = match (&set, &chosen) {
+            (Some(set), _) => tune_models(set, requirements, &options, &watch)?,
+            (None, Some(chosen)) => tune(&chosen.loaded, requirements, &options, &watch)?,
+            (None, None) => {
+                return Err(CliError::Internal("there is neither aircraft nor model".into()));
             }
         };
         let spec = &requirements.specification;
-        let Tuned { schedule, design, nodes, verified, explanations } = &tuned;
+        let Tuned { design, nodes, verified, explanations, .. } = &tuned;
         if !self.run.quiet {
             output::note(&(effort(&design.tuning.stats) + "\n"));
         }
@@ -155,22 +190,25 @@ impl Tune {
         let prices = &design.tuning.prices;
         let json_text = || verification_text(verified, explanations, prices);
         if let Some(paths) = &paths {
-            std::fs::create_dir_all(&paths.directory)
-                .map_err(|source| CliError::Io { path: paths.directory.clone(), source })?;
-            let text = schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
-            output::write_whole(&paths.schedule, text.as_bytes(), self.force)?;
-            let text = json_text()?;
-            output::write_whole(&paths.verification, text.as_bytes(), self.force)?;
+            let mut files = design_files(&tuned)?;
             if self.plot {
                 for (name, figure) in
                     figures(&design.table, nodes, spec, &verified.verification, system)?
                 {
-                    let path = paths.directory.join(format!("{name}.svg"));
-                    output::write_whole(&path, figure.to_svg().as_bytes(), self.force)?;
+                    files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
                 }
             }
+            match &chosen {
+                Some(chosen) => {
+                    let mut note = chosen.note();
+                    note.options = self.options();
+                    chosen.write(&paths.directory, &note, files, self.force)?;
+                }
+                // Models from elsewhere are no aircraft that could be kept.
+                None => output::write_set(&paths.directory, &files, self.force)?,
+            }
         }
-        match self.format.format {
+        match self.format.shown() {
             Format::Json => {
                 output::print(&json_text()?)?;
             }
@@ -179,7 +217,11 @@ impl Tune {
             }
             Format::Table => {
                 let coloring = Coloring::for_stdout();
-                let mut text = lag_text(design, system);
+                let mut text = format!(
+                    "aircraft {}, specification {}\n\n",
+                    tuned.schedule.name, requirements.name
+                );
+                text += &lag_text(design, system);
                 text += &gains_table(&design.table, system).to_text(coloring);
                 text.push('\n');
                 text += &report_text(&verified.verification, system, coloring);
@@ -203,6 +245,17 @@ impl Tune {
         }
         Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
     }
+}
+
+/// What a tuning leaves behind: `schedule.json` and `verification.json`.
+pub(super) fn design_files(tuned: &Tuned) -> Result<Vec<(String, Vec<u8>)>, CliError> {
+    let schedule = tuned.schedule.to_json().map_err(|e| CliError::Internal(e.to_string()))?;
+    let prices = &tuned.design.tuning.prices;
+    let verification = verification_text(&tuned.verified, &tuned.explanations, prices)?;
+    Ok(vec![
+        ("schedule.json".into(), schedule.into_bytes()),
+        ("verification.json".into(), verification.into_bytes()),
+    ])
 }
 
 /// Files of a design.

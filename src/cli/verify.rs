@@ -4,27 +4,29 @@ use clap::Args;
 use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
-use super::tune::{SpecArgs, authority_text, report_text, rows_table, usage, verification_text};
+use super::designs::{Opened, SourceArgs, load_schedule};
+use super::tune::{SpecArgs, authority_text, left_out_text, report_text, rows_table};
 use super::watch::Watch;
 use super::{CliError, Outcome};
-use coaxdesign::pipeline::{verify, verify_models};
+use coaxdesign::pipeline::{verification_document, verify, verify_models};
 use coaxdesign::report::table::Coloring;
-use coaxdesign::schedule::Schedule;
 
 /// Verify a gain schedule, tuned here or elsewhere, against a specification
 ///
-/// The hardware is that of the specification, not of the schedule.
+/// Aircraft and specification are those of the design unless others are named. The hardware is
+/// that of the specification, not of the schedule.
 #[derive(Debug, Args)]
 pub struct Verify {
-    /// Schedule file, or a directory with a schedule.json
-    #[arg(value_name = "SCHEDULE")]
-    schedule: PathBuf,
+    /// Directory of a design, or a schedule file
+    #[arg(value_name = "DESIGN")]
+    design: PathBuf,
     #[command(flatten)]
-    problem: ProblemArgs,
+    sources: SourceArgs,
     #[command(flatten)]
     models: ModelsArgs,
-    #[command(flatten)]
-    spec: SpecArgs,
+    /// Use only the first nominal model of the specification
+    #[arg(long)]
+    nominal_only: bool,
     #[command(flatten)]
     format: FormatArgs,
     #[command(flatten)]
@@ -39,39 +41,55 @@ impl Verify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         self.output.check()?;
-        let path = if self.schedule.is_dir() {
-            self.schedule.join("schedule.json")
-        } else {
-            self.schedule.clone()
-        };
-        let text = std::fs::read_to_string(&path)
-            .map_err(|source| CliError::Io { path: path.clone(), source })?;
-        let not_usable = |error: coaxdesign::schedule::ScheduleError| {
-            usage(
-                format!("{}: {error}", path.display()),
-                "a schedule is written by `coaxdesign tune-gains -o DIR`",
-            )
-        };
-        let schedule = Schedule::from_json(&text).map_err(not_usable)?;
-        let requirements = self.spec.load()?;
-        let spec = &requirements.specification;
+        self.format.of(&self.output)?;
         let quiet = self.run.quiet;
-        let set = self.models.load(&self.problem, &spec.models_from, &requirements.name, quiet)?;
+        let own = SpecArgs::of(self.sources.spec.clone()).load()?;
+        let problem = ProblemArgs { file: self.sources.problem.clone() };
+        let set = self.models.load(&problem, &own.specification.models_from, &own.name, quiet)?;
+        let opened = match &set {
+            Some(_) => None,
+            None => Some(Opened::read(&self.design, &self.sources, quiet)?),
+        };
+        let requirements = opened.as_ref().map_or(&own, |opened| &opened.requirements);
+        let mut spec = requirements.specification.clone();
+        if self.nominal_only {
+            spec.models.truncate(1);
+        }
         let system = self.units.system();
-        let watch = Watch::new(self.run.quiet);
-        let verified = match &set {
-            Some(set) => verify_models(&schedule, set, spec, &watch)?,
-            None => {
-                let loaded = self.problem.load_with_warnings(quiet)?;
-                verify(&schedule, &loaded.problem, spec, &watch)?
+        let watch = Watch::new(quiet);
+        let verified = match (&set, &opened) {
+            (Some(set), _) => verify_models(&load_schedule(&self.design)?, set, &spec, &watch)?,
+            (None, Some(opened)) => {
+                verify(&opened.schedule, &opened.loaded.problem, &spec, &watch)?
+            }
+            (None, None) => {
+                return Err(CliError::Internal("there is neither aircraft nor model".into()));
             }
         };
-        let text = match self.format.format {
-            Format::Json => verification_text(&verified, &[], &[])?,
+        let head = opened.as_ref().map_or_else(
+            || {
+                format!(
+                    "{}: models from elsewhere, specification {}\n",
+                    self.design.display(),
+                    own.name
+                )
+            },
+            Opened::head,
+        );
+        let text = match self.format.of(&self.output)? {
+            Format::Json => {
+                let internal = |e: serde_json::Error| CliError::Internal(e.to_string());
+                let value = verification_document(&verified, &[], &[]).map_err(internal)?;
+                let value =
+                    opened.as_ref().map_or(value.clone(), |opened| opened.with_head(&value));
+                serde_json::to_string_pretty(&value).map_err(internal)? + "\n"
+            }
             Format::Csv => rows_table(&verified.verification, system, true).to_csv(),
             Format::Table => {
-                report_text(&verified.verification, system, Coloring::for_stdout())
+                format!("{head}\n")
+                    + &report_text(&verified.verification, system, Coloring::for_stdout())
                     + &authority_text(&verified.authority, system)
+                    + &left_out_text(&verified.left_out, system)
             }
         };
         self.output.write(&text)?;

@@ -11,6 +11,7 @@
 //! | [`plants`] | a problem, a specification, speeds | what tuning and verification work on |
 //! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
 //! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
+//! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
 //! | [`Study`] | a problem, a schedule, a [`FlightPlan`] | its runs, one by one, varied |
@@ -19,6 +20,9 @@
 //! Every function takes an [`Observer`], which hears of progress and can stop
 //! the work; [`Silent`] does neither. Results do not depend on the observer
 //! nor on the number of threads.
+//!
+//! [`directory`] is the form in which a design keeps all that made it, and
+//! [`DirectoryLock`] keeps a second writer out.
 //!
 //! A schedule with the same bytes as `coaxdesign tune-gains` writes:
 //!
@@ -33,7 +37,9 @@
 //! # }
 //! ```
 
+pub mod directory;
 mod error;
+mod lock;
 mod observer;
 mod requirements;
 mod stages;
@@ -41,6 +47,7 @@ mod study;
 mod tuning;
 
 pub use error::PipelineError;
+pub use lock::{DirectoryLock, LockError};
 pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, models, trim};

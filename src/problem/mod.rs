@@ -68,8 +68,11 @@ const EMBEDDED: [(&str, &str); 12] = [
 /// # Errors
 /// Every error of the file and of those it names, at once.
 pub fn load(path: impl AsRef<Path>) -> Result<Loaded, Report> {
-    let path = path.as_ref();
-    let loader = Loader::new(Library::Disk);
+    load_from(path.as_ref(), None)
+}
+
+fn load_from(path: &Path, moved: Option<(PathBuf, PathBuf)>) -> Result<Loaded, Report> {
+    let loader = Loader { moved, ..Loader::new(Library::Disk) };
     let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
     match loader.library.read(path) {
         Ok(text) => loader.run(&path.display().to_string(), text, directory, Some(path)),
@@ -85,6 +88,17 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded, Report> {
             fault.unreadable,
         )),
     }
+}
+
+/// Reads a problem file that has been copied, with all files that it names,
+/// from one folder to another: a path in it that leads into `from` is read in
+/// `to`. `from` may be empty: then paths are taken as they stand.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_copy(path: &Path, from: &Path, to: &Path) -> Result<Loaded, Report> {
+    let moved = (!from.as_os_str().is_empty()).then(|| (from.into(), to.into()));
+    load_from(path, moved)
 }
 
 /// Reads a problem from a text. `name` stands for the file in messages;
@@ -260,6 +274,8 @@ const DEEPEST_CHAIN: usize = 16;
 
 struct Loader {
     library: Library,
+    /// Folder that files were copied from, and the one that they are in.
+    moved: Option<(PathBuf, PathBuf)>,
     sources: Sources,
     /// Directory of each source.
     directories: Vec<PathBuf>,
@@ -272,6 +288,7 @@ impl Loader {
     fn new(library: Library) -> Self {
         Self {
             library,
+            moved: None,
             sources: Sources::default(),
             directories: Vec::new(),
             findings: Vec::new(),
@@ -280,9 +297,18 @@ impl Loader {
         }
     }
 
-    fn add(&mut self, name: &str, text: String, directory: PathBuf) -> usize {
+    fn add(&mut self, name: &str, path: &Path, text: String, directory: PathBuf) -> usize {
         self.directories.push(directory);
-        self.sources.add(name, text)
+        self.sources.add_at(name, path, text)
+    }
+
+    /// Where a path leads: into the copy, where it led to what was copied.
+    fn placed(&self, path: PathBuf) -> PathBuf {
+        let inside = self.moved.as_ref().filter(|_| path.is_absolute()).and_then(|(from, to)| {
+            let within = without_parents(&path);
+            Some(to.join(within.strip_prefix(from).ok()?))
+        });
+        inside.unwrap_or(path)
     }
 
     fn run(
@@ -300,7 +326,7 @@ impl Loader {
             );
             return Err(Report::new(vec![finding], false));
         }
-        let main = self.add(name, text, directory);
+        let main = self.add(name, path.unwrap_or(Path::new(name)), text, directory);
         let mut chain: Vec<PathBuf> =
             path.map(|path| self.library.identity(path)).into_iter().collect();
         let entries = self.entries(main, &mut chain);
@@ -343,7 +369,7 @@ impl Loader {
             // The wrong type is reported with the other keys.
             return entries;
         };
-        let path = self.directories[source].join(base);
+        let path = self.placed(self.directories[source].join(base));
         let place = entries[index].node.place.clone();
         entries.remove(index);
         let identity = self.library.identity(&path);
@@ -376,7 +402,7 @@ impl Loader {
         };
         chain.push(identity);
         let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
-        let source = self.add(&path.display().to_string(), text, directory);
+        let source = self.add(&path.display().to_string(), &path, text, directory);
         let mut merged = self.entries(source, chain);
         tree::merge(&mut merged, entries, Some(keys::Level::Keys(&keys::ROOT)));
         merged
@@ -423,7 +449,7 @@ impl Loader {
             }
         };
         let directory = path.parent().unwrap_or(Path::new("")).to_path_buf();
-        let source = self.add(&path.display().to_string(), text, directory);
+        let source = self.add(&path.display().to_string(), path, text, directory);
         let read = parse(&self.sources.files()[source].text);
         let (line, _) = self.sources.line_and_column(place);
         let by = format!("{}:{line}", self.sources.files()[place.source].name);
@@ -459,7 +485,7 @@ impl build::Host for Loader {
     }
 
     fn airfoil(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<AirfoilTable>> {
-        let path = self.directories[place.source].join(path);
+        let path = self.placed(self.directories[place.source].join(path));
         if let Some(known) = self.airfoils.get(&path) {
             return known.clone();
         }
@@ -469,7 +495,7 @@ impl build::Host for Loader {
     }
 
     fn fuselage(&mut self, path: &Path, place: &Place, key: &str) -> Option<Arc<FuselageTable>> {
-        let path = self.directories[place.source].join(path);
+        let path = self.placed(self.directories[place.source].join(path));
         if let Some(known) = self.fuselages.get(&path) {
             return known.clone();
         }

@@ -33,6 +33,15 @@ pub fn json_schema() -> Json {
     })
 }
 
+/// Writes the JSON Schema (draft 2020-12) of files that are read by a table of
+/// keys and stand alone: specifications and manoeuvres.
+pub fn json_schema_of(title: &str, root: &Table) -> Json {
+    let mut schema = table(root, true);
+    schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    schema["title"] = json!(title);
+    schema
+}
+
 fn table(table: &Table, complete: bool) -> Json {
     let mut properties = Map::new();
     for key in table.keys {

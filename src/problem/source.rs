@@ -1,12 +1,16 @@
 //! The texts that a problem was read from, and places in them.
 
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// A file that took part in a problem: itself, a base, or an airfoil table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
     /// Name as it is shown: the path as given, or a built-in name.
     pub name: String,
+    /// Where it was read: on disk or among the built-in files; the name where
+    /// it is a text alone.
+    pub path: PathBuf,
     /// Its whole text.
     pub text: String,
 }
@@ -36,9 +40,13 @@ impl Sources {
     }
 
     pub(crate) fn add(&mut self, name: &str, text: String) -> usize {
+        self.add_at(name, Path::new(name), text)
+    }
+
+    pub(crate) fn add_at(&mut self, name: &str, path: &Path, text: String) -> usize {
         let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
         self.lines.push(std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect());
-        self.files.push(Source { name: name.into(), text });
+        self.files.push(Source { name: name.into(), path: path.into(), text });
         self.files.len() - 1
     }
 

@@ -18,7 +18,6 @@ use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
 use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
 use coaxdesign::linear::{LinearError, StateSpace};
 use coaxdesign::pipeline::plants;
-use coaxdesign::schedule::Schedule;
 use coaxdesign::trim::shooting::Shooting;
 use coaxdesign::trim::{FlightCondition, TrimPoint};
 use coaxdesign::units::KNOT;
@@ -40,24 +39,6 @@ pub(in crate::cli) struct Checked {
     pub explanations: Vec<Explanation>,
     /// Models and speeds without a trim.
     pub left_out: Vec<LeftOut>,
-}
-
-/// Reads `schedule.json`.
-pub(super) fn schedule(directory: &Path) -> Result<Schedule, CliError> {
-    let path = directory.join("schedule.json");
-    let text = std::fs::read_to_string(&path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => usage(
-            format!("{}: there is no schedule here", directory.display()),
-            "make one with `coaxdesign tune-gains -o DIR` or `coaxdesign design -o DIR`",
-        ),
-        _ => CliError::Io { path: path.clone(), source },
-    })?;
-    Schedule::from_json(&text).map_err(|error| {
-        usage(
-            format!("{}: {error}", path.display()),
-            "a schedule is written by `coaxdesign tune-gains -o DIR`",
-        )
-    })
 }
 
 /// Reads `verification.json`, if it is there.

@@ -1,0 +1,375 @@
+//! The design that a subcommand works on, with its aircraft and its
+//! specification.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Map, Value as Json, json};
+
+use super::args::ProblemArgs;
+use super::tune::{SpecArgs, usage};
+use super::{CliError, output};
+use coaxdesign::pipeline::directory::{DesignInputs, DirectoryError, NOTE, Note};
+use coaxdesign::pipeline::{DirectoryLock, Requirements, problem_hash};
+use coaxdesign::problem::{self, Loaded};
+use coaxdesign::schedule::Schedule;
+
+/// `--problem`, `--spec` and what lets them be others than the design's.
+#[derive(Debug, Clone, Default, Args)]
+pub struct SourceArgs {
+    /// Problem file, or the name of a built-in one [default: that of the design]
+    #[arg(long, value_name = "FILE")]
+    pub problem: Option<PathBuf>,
+    /// Specification file [default: that of the design]
+    #[arg(long, value_name = "SPEC")]
+    pub spec: Option<PathBuf>,
+    /// Go on where --problem is another aircraft than the design was made for
+    #[arg(long)]
+    pub other_aircraft: bool,
+    /// Go on where --spec is another specification than the design was made for
+    #[arg(long)]
+    pub other_spec: bool,
+}
+
+/// A design with its aircraft and its specification.
+#[derive(Debug)]
+pub struct Opened {
+    /// The design as it was named.
+    pub name: String,
+    /// Its directory.
+    pub directory: PathBuf,
+    /// The schedule.
+    pub schedule: Schedule,
+    /// The aircraft.
+    pub loaded: Loaded,
+    /// Name or path of the problem, as it is shown.
+    pub problem_name: String,
+    /// The specification.
+    pub requirements: Requirements,
+}
+
+/// The directory of a design that is named by it or by its schedule.
+pub fn directory_of(design: &Path) -> &Path {
+    if design.is_dir() {
+        return design;
+    }
+    match design.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// A schedule file, or the one in a directory.
+pub fn load_schedule(path: &Path) -> Result<Schedule, CliError> {
+    let file = if path.is_dir() { path.join("schedule.json") } else { path.to_path_buf() };
+    let text = std::fs::read_to_string(&file).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => usage(
+            format!("{}: there is no schedule here", path.display()),
+            "make one with `coaxdesign tune-gains -o DIR` or `coaxdesign design -o DIR`",
+        ),
+        _ => CliError::Io { path: file.clone(), source },
+    })?;
+    output::is_input(&file);
+    Schedule::from_json(&text).map_err(|error| {
+        usage(
+            format!("{}: {error}", file.display()),
+            "a schedule is written by `coaxdesign tune-gains -o DIR`",
+        )
+    })
+}
+
+/// Whether a hash is one: an imported schedule may not know what it is for.
+fn known(hash: &str) -> bool {
+    hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+impl Opened {
+    /// Reads a design, and takes aircraft and specification from it unless the
+    /// arguments name others.
+    ///
+    /// # Errors
+    /// No schedule, no aircraft, or one that the design was not made for.
+    pub fn read(design: &Path, sources: &SourceArgs, quiet: bool) -> Result<Self, CliError> {
+        let schedule = load_schedule(design)?;
+        let directory = directory_of(design);
+        let inside = DesignInputs::read(directory)?;
+        let wanted = &schedule.provenance.problem_hash;
+        let made_for =
+            inside.as_ref().map_or_else(|| schedule.name.clone(), |i| i.note.aircraft.name.clone());
+        let (kept, kept_spec) = match inside {
+            Some(inside) => {
+                let origin = inside.note.specification.origin.clone();
+                let requirements = Requirements { name: origin, ..inside.requirements };
+                (Some((inside.aircraft, inside.note.aircraft.problem.origin)), Some(requirements))
+            }
+            None => (None, None),
+        };
+        let (loaded, problem_name) = match (&sources.problem, kept) {
+            (Some(path), _) => {
+                let name = path.display().to_string();
+                (ProblemArgs { file: Some(path.clone()) }.load()?, name)
+            }
+            (None, Some(kept)) => kept,
+            (None, None) => builtin_with(wanted)?.ok_or_else(|| {
+                usage(
+                    format!(
+                        "{}: the design does not hold its aircraft, '{}' (hash {wanted}), and no \
+                         built-in problem is it",
+                        design.display(),
+                        schedule.name
+                    ),
+                    "name its problem file with --problem FILE, or make the design again with \
+                     `coaxdesign tune-gains FILE -o DIR`",
+                )
+            })?,
+        };
+        let found = problem_hash(&loaded);
+        if known(wanted) && found != *wanted && !sources.other_aircraft {
+            return Err(usage(
+                format!(
+                    "{} was made for the aircraft '{made_for}' (hash {wanted}), but {problem_name} \
+                     is '{}' (hash {found})",
+                    design.display(),
+                    loaded.problem.name
+                ),
+                "leave out --problem to take the design's own, tune anew with `coaxdesign \
+                 tune-gains FILE -o DIR`, or add --other-aircraft to go on all the same",
+            ));
+        }
+        if !quiet {
+            super::args::show_warnings(&loaded);
+        }
+        let requirements = Self::requirements(design, &schedule, sources, kept_spec, quiet)?;
+        Ok(Self {
+            name: design.display().to_string(),
+            directory: directory.into(),
+            schedule,
+            loaded,
+            problem_name,
+            requirements,
+        })
+    }
+
+    fn requirements(
+        design: &Path,
+        schedule: &Schedule,
+        sources: &SourceArgs,
+        kept: Option<Requirements>,
+        quiet: bool,
+    ) -> Result<Requirements, CliError> {
+        let wanted = &schedule.provenance.specification_hash;
+        let builtin = Requirements::builtin()?;
+        let requirements = match (&sources.spec, kept) {
+            (Some(path), _) => SpecArgs::of(Some(path.clone())).load()?,
+            (None, Some(kept)) => kept,
+            (None, None) if builtin.hash() == *wanted => builtin,
+            (None, None) => {
+                if !quiet {
+                    output::note(&format!(
+                        "warning: {}: the design does not hold its specification; the built-in \
+                         one is taken\n",
+                        design.display()
+                    ));
+                }
+                return Ok(builtin);
+            }
+        };
+        let found = requirements.hash();
+        if known(wanted) && found != *wanted && !sources.other_spec {
+            return Err(usage(
+                format!(
+                    "{} was tuned to another specification (hash {wanted}) than {} (hash {found})",
+                    design.display(),
+                    requirements.name
+                ),
+                "leave out --spec to take the design's own, tune anew with `coaxdesign tune-gains \
+                 --spec SPEC -o DIR`, or add --other-spec to go on all the same",
+            ));
+        }
+        Ok(requirements)
+    }
+
+    /// What a result is of, in a line.
+    pub fn head(&self) -> String {
+        format!(
+            "{}: aircraft {} ({}), specification {}\n",
+            self.name, self.loaded.problem.name, self.problem_name, self.requirements.name
+        )
+    }
+
+    /// A JSON result with what it is of before it.
+    pub fn with_head(&self, value: &Json) -> Json {
+        let mut whole = Map::new();
+        if let Some(schema) = value.get("schema") {
+            whole.insert("schema".into(), schema.clone());
+        }
+        whole.insert("design".into(), json!(self.name));
+        whole.insert("aircraft".into(), json!(self.loaded.problem.name));
+        whole.insert("problem".into(), json!(self.problem_name));
+        whole.insert("specification".into(), json!(self.requirements.name));
+        if let Some(entries) = value.as_object() {
+            for (key, entry) in entries {
+                whole.entry(key.clone()).or_insert_with(|| entry.clone());
+            }
+        }
+        Json::Object(whole)
+    }
+}
+
+/// What a new design is made from.
+#[derive(Debug)]
+pub struct Chosen {
+    /// The aircraft.
+    pub loaded: Loaded,
+    /// The specification.
+    pub requirements: Requirements,
+    /// The note that the directory has, if any.
+    before: Option<Note>,
+    /// Whether aircraft and specification are those of the directory.
+    kept: [bool; 2],
+}
+
+impl Chosen {
+    /// What the arguments name; else what the design in `directory` was made
+    /// from; else the built-in ones.
+    ///
+    /// # Errors
+    /// Files that are wrong, or have changed in the design since.
+    pub fn new(
+        problem: &ProblemArgs,
+        spec: &SpecArgs,
+        directory: Option<&Path>,
+        quiet: bool,
+    ) -> Result<Self, CliError> {
+        let asked = [problem.file.is_some(), spec.is_given()];
+        let before = directory.map(Note::read).transpose()?.flatten();
+        let inside = match directory {
+            Some(directory) if asked != [true, true] => DesignInputs::read(directory)?,
+            _ => None,
+        };
+        let kept = asked.map(|given| !given && inside.is_some());
+        let (aircraft, requirements) = match inside {
+            Some(inside) => (Some(inside.aircraft), Some(inside.requirements)),
+            None => (None, None),
+        };
+        let loaded = match aircraft.filter(|_| kept[0]) {
+            Some(aircraft) => aircraft,
+            None => problem.load()?,
+        };
+        if !quiet {
+            super::args::show_warnings(&loaded);
+        }
+        let requirements = match requirements.filter(|_| kept[1]) {
+            Some(requirements) => spec.reduced(requirements),
+            None => spec.load()?,
+        };
+        Ok(Self { loaded, requirements, before, kept })
+    }
+
+    /// Whether the directory holds a design already.
+    pub fn is_design(&self) -> bool {
+        self.before.is_some()
+    }
+
+    /// Whether the aircraft is that of the design in the directory.
+    pub fn keeps_aircraft(&self) -> bool {
+        self.kept[0]
+    }
+
+    /// The note of the new design, with the stages of the one before.
+    pub fn note(&self) -> Note {
+        let mut note = Note::new(&self.loaded, &self.requirements);
+        if let Some(before) = &self.before {
+            if self.kept[0] {
+                note.aircraft = before.aircraft.clone();
+            }
+            if self.kept[1] {
+                note.specification = before.specification.clone();
+            }
+            note.stages.clone_from(&before.stages);
+            note.maneuvers.clone_from(&before.maneuvers);
+            note.options.clone_from(&before.options);
+        }
+        note
+    }
+
+    /// Writes files of the design, with problem and specification and the note,
+    /// all or none; what is there and the same is left alone. Files of an
+    /// aircraft that was there before are removed.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`] for a file that is there and another, unless
+    /// `overwrite` or the directory is a design already; [`CliError::Io`].
+    pub fn write(
+        &self,
+        directory: &Path,
+        note: &Note,
+        more: Vec<(String, Vec<u8>)>,
+        overwrite: bool,
+    ) -> Result<(), CliError> {
+        let text = note.to_json().map_err(|error| CliError::Internal(error.to_string()))?;
+        let mut inputs = note.files(&self.loaded, &self.requirements);
+        inputs.push((NOTE.into(), text.into_bytes()));
+        let is_ours = |name: &str| self.before.is_some() && !more.iter().any(|m| m.0 == *name);
+        let mut files = Vec::new();
+        for (name, bytes) in inputs.into_iter().chain(more.iter().cloned()) {
+            let path = directory.join(&name);
+            if std::fs::read(&path).is_ok_and(|there| there == bytes) {
+                continue;
+            }
+            if path.symlink_metadata().is_ok() && !overwrite && !is_ours(&name) {
+                return Err(CliError::Exists { path });
+            }
+            files.push((name, bytes));
+        }
+        output::write_set(directory, &files, true)?;
+        let gone = self.before.iter().flat_map(|before| &before.aircraft.files);
+        for file in gone.filter(|file| !note.aircraft.files.contains(file)) {
+            // Nothing depends on it any more.
+            let _ = std::fs::remove_file(directory.join(file));
+        }
+        Ok(())
+    }
+}
+
+/// Makes a directory if it is not there, and keeps other writers out of it.
+///
+/// # Errors
+/// A directory that cannot be made, or that another command writes into.
+pub fn lock(directory: &Path) -> Result<DirectoryLock, CliError> {
+    std::fs::create_dir_all(directory)
+        .map_err(|source| CliError::Io { path: directory.into(), source })?;
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let words: Vec<String> = std::iter::once("coaxdesign".to_string()).chain(words).collect();
+    Ok(DirectoryLock::acquire(directory, &output::shell_line(&words))?)
+}
+
+/// The built-in problem with a hash.
+fn builtin_with(wanted: &str) -> Result<Option<(Loaded, String)>, CliError> {
+    for name in problem::BUILTIN {
+        let loaded = problem::builtin_named(name)?;
+        if problem_hash(&loaded) == wanted {
+            return Ok(Some((loaded, format!("{name} (built in)"))));
+        }
+    }
+    Ok(None)
+}
+
+impl From<DirectoryError> for CliError {
+    fn from(error: DirectoryError) -> Self {
+        let message = error.to_string();
+        match error {
+            DirectoryError::Input(report) => Self::Problem(report),
+            DirectoryError::Io { path, source } => Self::Io { path, source },
+            DirectoryError::Note { .. } => usage(
+                message,
+                "delete it, and make the design again with `coaxdesign design FILE -o DIR`",
+            ),
+            DirectoryError::Changed { .. } => usage(
+                message,
+                "undo the change; or copy the file elsewhere and make another design of it with \
+                 `coaxdesign tune-gains FILE -o OTHER`",
+            ),
+        }
+    }
+}

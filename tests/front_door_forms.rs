@@ -1,0 +1,179 @@
+//! One way of asking: forms by the ending of a name, standard output by `-`,
+//! inputs that no result replaces, and one system of units throughout.
+
+#[path = "common/program.rs"]
+mod program;
+
+use std::path::Path;
+
+use program::{code, command, err, out, program as run};
+
+const TRIM: &str = "trim --speeds 0kt --interactions on --quiet";
+
+#[test]
+fn the_ending_chooses_the_form() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let read = |name: &str| std::fs::read_to_string(here.join(name)).unwrap();
+    for (name, begins) in [("x.txt", "coax2d: periodic trim"), ("x.json", "{"), ("X.CSV", "")] {
+        let done = command(here, &format!("{TRIM} -o {name}"));
+        assert_eq!(code(&done), 0, "{}", err(&done));
+        assert!(read(name).starts_with(begins), "{name}: {}", read(name));
+    }
+    assert!(read("X.CSV").lines().next().unwrap().split(',').count() > 5);
+    assert!(serde_json::from_str::<serde_json::Value>(&read("x.json")).is_ok());
+    let modes = "linearize --speed 0kt --reduce residualize --quiet";
+    assert_eq!(code(&command(here, &format!("{modes} -o m.mat"))), 0);
+    assert!(std::fs::read(here.join("m.mat")).unwrap().starts_with(b"MATLAB 5.0"));
+
+    // Another ending, and an ending against --format, before any work.
+    for (more, told) in [
+        ("-o x.mat", "no form that ends in .mat"),
+        ("-o x.json --format csv --force", "the ending says json, but --format says csv"),
+        ("--plot x.png", "plots are not written as .png"),
+        ("--plot p.svg -o p.svg", "two results cannot go to one file"),
+    ] {
+        let refused = command(here, &format!("{TRIM} {more}"));
+        assert_eq!(code(&refused), 2, "{more}: {}", err(&refused));
+        assert!(err(&refused).contains(told), "{more}: {}", err(&refused));
+    }
+    assert!(!here.join("p.svg").exists() && !here.join("x.png").exists());
+    // An ending that says nothing is no contradiction.
+    assert_eq!(code(&command(here, &format!("{TRIM} -o y.dat --format csv"))), 0);
+    assert_eq!(read("y.dat"), read("X.CSV"));
+    let shown = command(here, &format!("{TRIM} --format csv -o -"));
+    assert_eq!(out(&shown), read("X.CSV"));
+    assert!(!here.join("-").exists());
+}
+
+#[test]
+fn a_result_never_replaces_what_it_was_made_from() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    assert_eq!(code(&command(here, "new mine.toml")), 0);
+    let before = std::fs::read(here.join("mine.toml")).unwrap();
+    for line in [
+        "trim mine.toml --speeds 0kt --quiet --format csv --force -o ./mine.toml",
+        "linearize mine.toml --quiet --format json --force -o mine.toml",
+    ] {
+        let refused = command(here, line);
+        assert_eq!(code(&refused), 2, "{line}: {}", err(&refused));
+        assert!(err(&refused).contains("this command reads the file"), "{}", err(&refused));
+    }
+    assert_eq!(std::fs::read(here.join("mine.toml")).unwrap(), before);
+}
+
+#[test]
+fn every_kind_of_file_can_be_begun_and_has_a_schema() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    for kind in ["coaxial", "helicopter", "multicopter", "specification", "maneuver"] {
+        let done = command(here, &format!("new {kind}.toml --kind {kind}"));
+        assert_eq!(code(&done), 0, "{}", err(&done));
+    }
+    for kind in ["coaxial", "helicopter", "multicopter"] {
+        let checked = command(here, &format!("check {kind}.toml"));
+        assert_eq!(code(&checked), 0, "{}", err(&checked));
+    }
+    for kind in ["problem", "specification", "maneuver", "schedule", "law"] {
+        let schema = command(here, &format!("schema --of {kind}"));
+        let value: serde_json::Value = serde_json::from_str(out(&schema)).unwrap();
+        assert!(value["$schema"].is_string(), "{kind}");
+    }
+}
+
+/// Words that are units of the other system.
+fn us_units(text: &str) -> Vec<&str> {
+    const US: [&str; 9] = ["kt", "ft", "hp", "lbf", "lb", "slug", "ft/min", "knots", "feet"];
+    text.split(|c: char| !(c.is_alphanumeric() || c == '/'))
+        .flat_map(|word| std::iter::once(word).chain(word.split('/')))
+        .filter(|word| US.contains(word))
+        .collect()
+}
+
+#[test]
+fn under_si_no_foot_knot_or_horsepower_appears() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/designs/coax2d");
+    let problem = Path::new(env!("CARGO_MANIFEST_DIR")).join("problems/coax2d-physics.toml");
+    let hold = "title = \"Hold\"\nduration = \"2 s\"\nmode = \"velocity\"\n";
+    std::fs::write(here.join("hold.toml"), hold).unwrap();
+    let problem = problem.to_str().unwrap();
+    let cases: [&[&str]; 9] = [
+        &["trim", problem, "--speeds", "0,10 m/s", "--plot", "plot.svg"],
+        &[
+            "linearize",
+            problem,
+            "--speed",
+            "10 m/s",
+            "--reduce",
+            "residualize",
+            "--plot",
+            "plot.svg",
+        ],
+        &["linearize", problem, "--speeds", "0,5,10,15 m/s", "--reduce", "residualize"],
+        &["modes", problem, "--speed", "10 m/s", "--plot", "plot.svg"],
+        &["bode", problem, "--speed", "10 m/s", "--input", "lat", "--response", "p,v"],
+        &["check", problem],
+        &["compare", problem, "coax2d", "--speeds", "0,10 m/s", "--plot", "plot.svg"],
+        &["simulate", design, "-m", "hold.toml", "--plot", "plot.svg"],
+        &["montecarlo", design, "-m", "hold.toml", "--runs", "1"],
+    ];
+    for case in cases {
+        let quiet = if case[0] == "check" { &[][..] } else { &["--quiet"][..] };
+        let all = [case, &["--units", "si"], quiet].concat();
+        let shown = run(here, &all);
+        assert!(code(&shown) <= 1, "{all:?}: {}", err(&shown));
+        // The replay line of montecarlo names no quantity in other units either.
+        let found = us_units(out(&shown));
+        assert!(found.is_empty(), "{all:?}: {found:?}\n{}", out(&shown));
+        let plot = here.join("plot.svg");
+        if let Ok(svg) = std::fs::read_to_string(&plot) {
+            let found = us_units(&svg);
+            assert!(found.is_empty(), "{all:?}, plot: {found:?}");
+            std::fs::remove_file(plot).unwrap();
+        }
+    }
+}
+
+/// The line that montecarlo prints to fly a run again is a command, and gives
+/// the flight that it says.
+#[test]
+fn a_replay_line_can_be_pasted() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/designs/coax2d");
+    let hold = "title = \"Hold\"\nduration = \"2 s\"\nmode = \"velocity\"\n";
+    std::fs::write(here.join("my hold.toml"), hold).unwrap();
+    let study = run(
+        here,
+        &["montecarlo", design, "-m", "my hold.toml", "--runs", "1", "--quiet", "-o", "r"],
+    );
+    let line = out(&study).lines().find_map(|l| l.trim().strip_prefix("replay: ")).unwrap();
+    let path = std::env::join_paths(
+        std::iter::once(Path::new(env!("CARGO_BIN_EXE_coaxdesign")).parent().unwrap().to_owned())
+            .chain(std::env::split_paths(&std::env::var_os("PATH").unwrap())),
+    )
+    .unwrap();
+    let flown = std::process::Command::new("sh")
+        .current_dir(here)
+        .env("PATH", path)
+        .args(["-c", &format!("{line} --quiet --format json")])
+        .output()
+        .unwrap();
+    assert!(flown.status.code().unwrap() <= 1, "{line}\n{}", err(&flown));
+    let metrics: serde_json::Value = serde_json::from_str(out(&flown)).unwrap();
+    let runs = std::fs::read_to_string(here.join("r")).unwrap();
+    let recorded: serde_json::Value = serde_json::from_str(runs.lines().nth(1).unwrap()).unwrap();
+    let peak = metrics["metrics"]["tracking"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|t| t["channel"] == "forward_velocity")
+        .unwrap()["peak"]
+        .as_f64()
+        .unwrap();
+    let known = recorded["velocity_peak_m_s"][0].as_f64().unwrap();
+    assert!((peak - known).abs() <= 1e-12 * known.abs(), "{peak} {known}");
+}
