@@ -29,7 +29,7 @@
 //! use coaxdesign::linear::linearize::{Options as LinearOptions, averaged};
 //! use coaxdesign::linear::modes::modes;
 //! use coaxdesign::linear::reduction::{RIGID_BODY, residualise};
-//! use coaxdesign::trim::{self, FlightCondition, Guess};
+//! use coaxdesign::trim::{self, FlightCondition};
 //! use coaxdesign::units::{HORSEPOWER, KNOT};
 //! use coaxdesign::{problem, vehicle::Vehicle};
 //!
@@ -38,8 +38,7 @@
 //! let vehicle = Vehicle::new(&loaded.problem)?;
 //!
 //! let condition = FlightCondition::level(40.0 * KNOT);
-//! let guess = Guess::estimate(&vehicle, &condition);
-//! let point = trim::trim(&vehicle, condition, &guess, &trim::Options::default());
+//! let point = trim::trim_at(&vehicle, condition, &trim::Options::default());
 //! assert!(point.power.shaft < 50.0 * HORSEPOWER);
 //!
 //! // Only a trim that has converged can be linearised.
@@ -93,7 +92,7 @@
 //! use coaxdesign::schedule::Schedule;
 //! use coaxdesign::simulate::flight::Autopilot;
 //! use coaxdesign::simulate::{Flight, Options, Status, maneuver};
-//! use coaxdesign::trim::{self, FlightCondition, Guess};
+//! use coaxdesign::trim::{self, FlightCondition};
 //! use coaxdesign::{problem, vehicle::Vehicle};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -105,8 +104,7 @@
 //! "#;
 //! let hover = maneuver::parse("hover.toml", text).map_err(|report| report.to_string())?;
 //! let condition = hover.start.condition;
-//! let guess = Guess::estimate(&vehicle, &condition);
-//! let point = trim::trim(&vehicle, condition, &guess, &trim::Options::default());
+//! let point = trim::trim_at(&vehicle, condition, &trim::Options::default());
 //! let start = point.into_converged().map_err(|point| format!("{:?}", point.status))?;
 //!
 //! let schedule = Schedule::from_json(&std::fs::read_to_string("designs/coax2d/schedule.json")?)?;

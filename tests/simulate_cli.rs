@@ -229,11 +229,89 @@ fn shards_and_interruptions_leave_no_trace() {
     assert_eq!(read("joined.jsonl"), read("whole.jsonl"));
     let text = read("whole.jsonl");
     std::fs::write(here.join("cut.jsonl"), &text[..text.len() - 40]).unwrap();
+    std::fs::copy(here.join("whole.study.json"), here.join("cut.study.json")).unwrap();
     study(&["-o", "cut.jsonl"]);
     assert_eq!(read("cut.jsonl"), text);
-    // Another study's file is not added to.
-    let mut arguments = vec!["montecarlo", DESIGN, "-q", "-m", "hold.toml", "--runs", "5"];
-    arguments.extend(["--model", "interactions=off", "-o", "whole.jsonl"]);
-    assert_eq!(code(&program(here, &arguments)), 2);
-    assert_eq!(read("whole.jsonl"), text);
+    // Rows alone, each with a unit in the name of a number; the head is beside.
+    for line in text.lines() {
+        let row: Value = serde_json::from_str(line).unwrap();
+        assert!(row["forward_velocity_peak_m_s"].is_f64(), "{row}");
+    }
+    let head: Value = serde_json::from_str(&read("whole.study.json")).unwrap();
+    assert_eq!(head["head"]["schema"], "coaxdesign.montecarlo/2");
+    assert_eq!(head["head"]["model"]["interactions"], false);
+    assert_eq!(head["units"]["phi_peak_rad"], "rad");
+}
+
+/// Another study's file is not added to, and what differs is named: also where
+/// it is the model, which earlier versions did not look at.
+#[test]
+fn another_study_is_refused_by_what_differs() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let hold = "title = \"hold\"\nduration = \"0.1 s\"\nmode = \"velocity\"\n";
+    std::fs::write(here.join("hold.toml"), hold).unwrap();
+    let study = |runs: &str, more: &[&str]| {
+        let mut arguments = vec!["montecarlo", DESIGN, "-q", "-m", "hold.toml", "--runs", runs];
+        arguments.extend(["--model", "interactions=off", "-o", "a.jsonl"]);
+        arguments.extend(more);
+        program(here, &arguments)
+    };
+    assert_eq!(code(&study("2", &[])), 0);
+    let text = std::fs::read_to_string(here.join("a.jsonl")).unwrap();
+    let refused = |runs: &str, more: &[&str], named: &str| {
+        let output = study(runs, more);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(code(&output), 2, "{message}");
+        assert!(message.contains(named), "{message}");
+        assert_eq!(std::fs::read_to_string(here.join("a.jsonl")).unwrap(), text);
+    };
+    refused("3", &[], "runs: 2 there, 3 here");
+    refused("2", &["--model", "mass=1.1"], "model.mass: 1.0 there, 1.1 here");
+    refused("2", &["--model", "inflow=0.9"], "model.inflow: 1.0 there, 0.9 here");
+    refused("2", &["--seed", "5"], "seed: 0 there, 5 here");
+    refused("2", &["--control-rate", "50"], "simulation.name: \"100 Hz\" there");
+    std::fs::remove_file(here.join("a.study.json")).unwrap();
+    refused("2", &[], "there is no a.study.json");
+}
+
+/// Flown is done, whatever the runs amount to; a miss is asked about, and a
+/// merge that lacks runs says so.
+#[test]
+fn exit_codes_of_studies() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let hold = "title = \"hold\"\nduration = \"0.1 s\"\nmode = \"velocity\"\n";
+    std::fs::write(here.join("hold.toml"), hold).unwrap();
+    let study = |more: &[&str]| {
+        let mut arguments = vec!["montecarlo", DESIGN, "-q", "-m", "hold.toml", "--runs", "4"];
+        arguments.extend(["--model", "interactions=off", "--peak", "0 kt"]);
+        arguments.extend(more);
+        program(here, &arguments)
+    };
+    assert_eq!(code(&study(&["-o", "0.jsonl", "--shard", "0/2"])), 0);
+    assert_eq!(code(&study(&["--run-only", "0", "--fail-on-miss"])), 1);
+    let lacking = study(&["--merge", "0.jsonl"]);
+    assert_eq!(code(&lacking), 1);
+    assert!(String::from_utf8_lossy(&lacking.stderr).contains("2 of 4 runs are missing"));
+    assert_eq!(code(&study(&["--merge", "0.jsonl", "--require-complete", "false"])), 0);
+    assert_eq!(code(&study(&["-o", "1.jsonl", "--shard", "1/2"])), 0);
+    assert_eq!(code(&study(&["--merge", "0.jsonl", "1.jsonl"])), 0);
+}
+
+/// A file that another program flies into is left to it.
+#[test]
+fn a_file_of_runs_has_one_writer() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let hold = "title = \"hold\"\nduration = \"0.1 s\"\nmode = \"velocity\"\n";
+    std::fs::write(here.join("hold.toml"), hold).unwrap();
+    let other = std::fs::File::create(here.join("a.jsonl")).unwrap();
+    other.lock().unwrap();
+    let arguments = ["montecarlo", DESIGN, "-q", "-m", "hold.toml", "--runs", "2", "-o", "a.jsonl"];
+    let refused = program(here, &arguments);
+    assert_eq!(code(&refused), 2);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("another program"));
+    drop(other);
+    assert_eq!(code(&program(here, &arguments)), 0);
 }

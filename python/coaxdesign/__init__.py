@@ -18,6 +18,7 @@ from ._core import __version__
 from .design import Specification, Tuned, Verification, tune, verify
 from .errors import *  # noqa: F403
 from .linear import LinearModels
+from .montecarlo import Criterion, MonteCarlo, Ranges, montecarlo
 from .problem import Problem
 from .schedule import LawAt, Schedule
 from .simulation import Flight, Maneuver, Variation, simulate
@@ -26,11 +27,14 @@ from .trim import Trim
 from .units import *  # noqa: F403
 
 __all__ = [
+    "Criterion",
     "Flight",
     "LawAt",
     "LinearModels",
     "Maneuver",
+    "MonteCarlo",
     "Problem",
+    "Ranges",
     "Schedule",
     "Specification",
     "Svg",
@@ -40,6 +44,7 @@ __all__ = [
     "Variation",
     "Verification",
     "__version__",
+    "montecarlo",
     "simulate",
     "tune",
     "verify",

@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, final
 
@@ -145,4 +145,34 @@ def verify(
     problem: Problem,
     specification: Specification,
     progress: Tell = None,
+) -> str: ...
+
+@final
+class Study:
+    def __new__(
+        cls,
+        problem: Problem,
+        schedule: Schedule | None,
+        maneuver: Maneuver,
+        variation: str,
+        equipment: dict[str, Any],
+        runs: int,
+        ranges: str,
+        criterion: str,
+    ) -> Study: ...
+    def head(self) -> str: ...
+    def hash(self) -> str: ...
+    def differences(self, head: str) -> list[str]: ...
+    def fly(
+        self, indices: list[int], threads: int = 1, progress: Tell = None
+    ) -> list[str]: ...
+
+def study_columns() -> list[tuple[str, str]]: ...
+def confidence(successes: int, runs: int) -> tuple[float, float]: ...
+def history_svg(
+    title: str,
+    subtitle: str,
+    us: bool,
+    time: list[float],
+    panels: list[tuple[str, str, float, list[tuple[str, list[float]]]]],
 ) -> str: ...

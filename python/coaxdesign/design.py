@@ -46,6 +46,11 @@ class Specification:
         """Names of the models, the nominal first."""
         return self._core.models
 
+    @property
+    def text(self) -> str:
+        """The text that it was read from, to be changed and loaded again."""
+        return self._core.file[1]
+
     def __repr__(self) -> str:
         name, _ = self._core.file
         return f"<Specification {name!r}: {len(self.speeds)} speeds, {len(self.models)} models>"

@@ -7,13 +7,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from . import _core
 from ._support import Progress, reporting
 from .problem import Problem
 from .schedule import Schedule
-from .table import Table, Values
+from .table import Svg, Table, Values
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,58 @@ class Flight(Table):
     def __repr__(self) -> str:
         end = self["time"][-1]
         return f"<Flight {self.metadata['maneuver']!r}: {self.status} at {end:.1f} s>"
+
+
+    def plot(self, units: Literal["us", "si"] = "us") -> Svg:
+        """Velocities, attitude, height, sticks and power over time, with what was commanded."""
+        every = max(1, -(-len(self) // PLOTTED))
+
+        def values(name: str) -> list[float]:
+            found: list[float] = self[name][::every].tolist()
+            return found
+
+        def panel(
+            quantity: str, kind: str, span: float, names: Mapping[str, str]
+        ) -> tuple[str, str, float, list[tuple[str, list[float]]]] | None:
+            lines = [(label, values(name)) for label, name in names.items() if name in self]
+            return (quantity, kind, span, lines) if lines else None
+
+        panels = []
+        for quantity, kind, span, flown, followed, commanded in HISTORY:
+            names = {"flown": flown, "reference": followed, "command": commanded}
+            panels.append(panel(quantity, kind, span, names))
+        for stick in ("lat", "lon", "col", "ped"):
+            panels.append(panel(f"{stick} stick", "Percent", 2.0, {"flown": f"{stick}_stick"}))
+        for name in self:
+            if self.units[name] == "W":
+                panels.append(panel(name.replace(".", " "), "Power", 5.0, {"flown": name}))
+        return Svg(
+            _core.history_svg(
+                self.metadata["maneuver"],
+                "" if self.status == "completed" else self.status,
+                units == "us",
+                values("time"),
+                [panel for panel in panels if panel is not None],
+            )
+        )
+
+
+PLOTTED = 1500
+"""Most points of a plotted curve."""
+
+HISTORY = (
+    ("forward velocity", "Airspeed", 2.0, "forward_velocity", "forward_velocity_reference",
+     "forward_velocity_command"),
+    ("velocity to starboard", "Airspeed", 2.0, "right_velocity", "right_velocity_reference",
+     "right_velocity_command"),
+    ("climb rate", "ClimbRate", 100.0, "climb_rate", "climb_rate_reference", "climb_rate_command"),
+    ("yaw rate", "AngularRate", 2.0, "r", "yaw_rate_reference", "turn_rate_command"),
+    ("bank", "Angle", 2.0, "phi", "phi_reference", ""),
+    ("pitch", "Angle", 2.0, "theta", "theta_reference", ""),
+    ("heading", "Angle", 2.0, "heading", "", ""),
+    ("height", "Length", 10.0, "height", "", ""),
+)
+"""Panels: quantity, kind, smallest span shown, and the columns flown, followed and commanded."""
 
 
 def simulate(

@@ -9,16 +9,19 @@
 //! * [`run`]: long work without the interpreter's lock, with progress and
 //!   Ctrl-C.
 //! * [`arrays`]: columns and matrices as NumPy arrays.
-//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`]: one file a stage.
+//! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`], [`figure`],
+//!   [`study`]: one file a stage.
 
 mod arrays;
 mod design;
 mod errors;
+mod figure;
 mod flight;
 mod linear;
 mod problem;
 mod run;
 mod schedule;
+mod study;
 
 use pyo3::prelude::*;
 
@@ -27,6 +30,8 @@ mod _core {
     #[pymodule_export]
     use super::design::{Specification, tune, verify};
     #[pymodule_export]
+    use super::figure::history_svg;
+    #[pymodule_export]
     use super::flight::{Maneuver, maneuver_names, simulate};
     #[pymodule_export]
     use super::linear::linearize;
@@ -34,6 +39,8 @@ mod _core {
     use super::problem::{Problem, problem_names, quantity, reload, trim, trim_svg};
     #[pymodule_export]
     use super::schedule::{Schedule, export_formats};
+    #[pymodule_export]
+    use super::study::{Study, confidence, study_columns};
 
     use pyo3::prelude::*;
 

@@ -34,6 +34,14 @@ def test_hover_stays(flight: cx.Flight) -> None:
     assert flight.units["heading"] == "rad"
 
 
+def test_the_figure_shows_what_was_flown(flight: cx.Flight) -> None:
+    us, si = flight.plot().svg, flight.plot("si").svg
+    for word in ("forward velocity", "reference", "command", "height", "upper power", "lat stick"):
+        assert word in us, word
+    assert "kW" in si
+    assert "kW" not in us
+
+
 def test_units_are_in_the_fields(flight: cx.Flight) -> None:
     schema = flight.to_arrow().schema
     assert schema.field("lat_stick").metadata == {b"unit": b"%"}

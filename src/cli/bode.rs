@@ -182,7 +182,7 @@ impl Bode {
                 })
             })
             .collect::<Result<_, LinearError>>()?;
-        let speed = condition.airspeed;
+        let speed = condition.horizontal_speed();
         let title =
             format!("{}: {} at {}", problem.name, self.model.label(), speed_text(speed, system));
         if let Some(path) = &self.plot {

@@ -206,7 +206,7 @@ impl Subject {
         let vehicle = Vehicle::new(&problem)?;
         let points =
             sweep(&vehicle, conditions, &Options::default(), |_| progress.advance()).points;
-        let hover = points.iter().find(|p| p.condition.airspeed == 0.0 && p.on_orbit());
+        let hover = points.iter().find(|p| p.condition.horizontal_speed() == 0.0 && p.on_orbit());
         let (mut found, mut effort) = (Vec::new(), None);
         if let Some(Ok(trim)) = hover.map(|p| p.clone().into_converged()) {
             let full = averaged(&vehicle, &trim, &LinearOptions::default())?;
@@ -406,7 +406,7 @@ fn json_text(subjects: &[Subject]) -> Result<String, CliError> {
                     let [roll, pitch] = attitude(p);
                     let margin = least_margin(p);
                     json!({
-                        "speed_m_s": p.condition.airspeed,
+                        "speed_m_s": p.condition.horizontal_speed(),
                         "status": p.status.word(),
                         "power_w": p.power.shaft,
                         "roll_rad": roll,

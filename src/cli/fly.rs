@@ -1,5 +1,5 @@
-//! What the subcommands that fly share: the schedule, the manoeuvre, the
-//! varied model, and the trim to start from.
+//! What the subcommands that fly share: the schedule, the manoeuvre and the
+//! varied model.
 
 use std::path::{Path, PathBuf};
 
@@ -12,10 +12,9 @@ use super::{CliError, output};
 use coaxdesign::control::plant::Hardware;
 use coaxdesign::problem::Loaded;
 use coaxdesign::schedule::Schedule;
-use coaxdesign::simulate::flight::{Autopilot, FlightError};
+use coaxdesign::simulate::Options;
 use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
-use coaxdesign::simulate::{Options, SimulationError};
 use coaxdesign::units::{Kind, parse_quantity};
 
 /// Rate of the control computer unless another is named, Hz.
@@ -124,8 +123,6 @@ pub struct Ready {
     pub variation: Variation,
     /// The schedule, if there is one.
     pub schedule: Option<Schedule>,
-    /// Its law.
-    pub autopilot: Option<Autopilot>,
     /// The manoeuvre as its file has it.
     pub as_read: Maneuver,
     /// The manoeuvre in the varied air.
@@ -193,16 +190,6 @@ impl FlyArgs {
                     .into(),
             });
         }
-        let autopilot = match &schedule {
-            Some(schedule) => Some(Autopilot {
-                table: schedule.law().map_err(|error| CliError::Usage {
-                    message: error.to_string(),
-                    help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
-                })?,
-                stick_limits: schedule.stick_limits,
-            }),
-            None => None,
-        };
         let loaded = match &opened {
             Some(opened) => opened.loaded.clone(),
             None => {
@@ -232,28 +219,7 @@ impl FlyArgs {
             seed: self.seed,
             ..Options::new(hardware, rate_limit)
         };
-        Ok(Ready { opened, loaded, variation, schedule, autopilot, as_read, maneuver, options })
-    }
-}
-
-/// Why a flight cannot begin, in the user's terms.
-pub fn flight_error(error: &FlightError) -> CliError {
-    match error {
-        FlightError::Simulation(error) => simulation_error(error),
-        FlightError::NoRotorSpeed => CliError::Usage {
-            message: error.to_string(),
-            help: "write [rotors.NAME.governor] in the problem, or --model \"governor=1 s\"".into(),
-        },
-        FlightError::NoLaw | FlightError::Law(_) => CliError::Internal(error.to_string()),
-    }
-}
-
-/// Arguments that no simulation can use.
-pub fn simulation_error(error: &SimulationError) -> CliError {
-    CliError::Usage {
-        message: error.to_string(),
-        help: "look at --control-rate, --steps, --pitch-rate-limit and the schedule's hardware"
-            .into(),
+        Ok(Ready { opened, loaded, variation, schedule, as_read, maneuver, options })
     }
 }
 

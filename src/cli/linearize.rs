@@ -160,7 +160,7 @@ impl Case {
 
     fn record(&self) -> ModelRecord {
         ModelRecord {
-            speed: self.condition.airspeed,
+            speed: self.condition.horizontal_speed(),
             interactions: Some(self.interactions),
             model: self.result().clone(),
             trim: self.trim.clone(),
@@ -298,7 +298,7 @@ impl Linearize {
                     .map(|case| {
                         if self.model == Choice::Full {
                             periodic_to_json(
-                                case.condition.airspeed,
+                                case.condition.horizontal_speed(),
                                 Some(case.interactions),
                                 &case.linearization.model,
                                 system,
@@ -311,7 +311,7 @@ impl Linearize {
                 self.output.write(&joined(&texts))
             }
             ModelFormat::Mat if self.model == Choice::Full => self.write_bytes(&periodic_to_mat(
-                first.condition.airspeed,
+                first.condition.horizontal_speed(),
                 Some(first.interactions),
                 &first.linearization.model,
                 system,
@@ -329,20 +329,21 @@ impl Linearize {
     }
 
     fn set(&self, problem: &Problem, grid: Vec<FlightCondition>) -> Result<Outcome, CliError> {
-        if grid.windows(2).any(|w| w[1].airspeed <= w[0].airspeed) {
+        if grid.windows(2).any(|w| w[1].horizontal_speed() <= w[0].horizontal_speed()) {
             return Err(CliError::Usage {
                 message: "the speeds of a model set must increase".into(),
                 help: "write --speeds 0:90:5kt".into(),
             });
         }
-        // The points halfway are trimmed beside the others, not between them,
-        // so that both cores work and the set does not depend on the check.
         let halfway: Vec<FlightCondition> = grid
             .windows(2)
             .map(|w| FlightCondition {
-                airspeed: 0.5 * (w[0].airspeed + w[1].airspeed),
-                climb_rate: 0.5 * (w[0].climb_rate + w[1].climb_rate),
-                ..w[0]
+                turn_rate: w[0].turn_rate,
+                lateral: w[0].lateral,
+                ..FlightCondition::climbing(
+                    0.5 * (w[0].horizontal_speed() + w[1].horizontal_speed()),
+                    w[0].climb_rate,
+                )
             })
             .collect();
         let positions = self.interactions.positions();
@@ -369,7 +370,7 @@ impl Linearize {
             }
             let set = ModelSet::new(
                 Some(flown.interactions),
-                at_grid.iter().map(|case| case.condition.airspeed).collect(),
+                at_grid.iter().map(|case| case.condition.horizontal_speed()).collect(),
                 at_grid.iter().map(|case| case.result().clone()).collect(),
             )?;
             let trims: Option<Vec<TrimValues>> =
@@ -384,7 +385,7 @@ impl Linearize {
                     check_interpolation(
                         &set,
                         Interpolation::default(),
-                        case.condition.airspeed,
+                        case.condition.horizontal_speed(),
                         case.result(),
                         &omega,
                         &ErrorOptions::default(),
@@ -450,7 +451,7 @@ impl Linearize {
             problem.name,
             if case.reduced.is_some() { "reduced " } else { "" },
             self.model.label(),
-            speed_text(case.condition.airspeed, system),
+            speed_text(case.condition.horizontal_speed(), system),
             on_off(case.interactions)
         );
         text += &summary(case);
@@ -858,7 +859,7 @@ fn response_figure(
                 .collect(),
         });
     }
-    let speed = speed_text(cases[0].condition.airspeed, system);
+    let speed = speed_text(cases[0].condition.horizontal_speed(), system);
     // Of the periodic model the average is shown.
     let shown = if choice == Choice::Full { Choice::Averaged } else { choice };
     let title = format!("{}: {} at {}", problem.name, shown.label(), speed);

@@ -26,6 +26,7 @@ pub mod output;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod report;
+mod rotor;
 mod schema;
 mod simulate;
 pub(crate) mod trim;
@@ -76,6 +77,8 @@ pub struct Cli {
 pub enum Command {
     /// Trim over a range of speeds, and compare with the published hover
     Trim(trim::Trim),
+    /// Trim one rotor alone on a stand: hover polars, climb, wind tunnel
+    Rotor(rotor::Rotor),
     /// Tune a gain schedule to a specification, and verify it
     TuneGains(tune::Tune),
     /// Verify a gain schedule against a specification
@@ -120,6 +123,7 @@ impl Command {
     fn run(self) -> Result<Outcome, CliError> {
         match self {
             Command::Trim(command) => command.run(),
+            Command::Rotor(command) => command.run(),
             Command::TuneGains(command) => command.run(),
             Command::Verify(command) => command.run(),
             Command::Export(command) => command.run(),

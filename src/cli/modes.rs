@@ -112,8 +112,8 @@ impl Modes {
         };
         let mut listings: Vec<Listing> =
             flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
-        let knots = Kind::Airspeed.from_si(condition.airspeed, System::Us);
-        let (speed, system) = (condition.airspeed, self.units.system());
+        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
+        let (speed, system) = (condition.horizontal_speed(), self.units.system());
         if let Some(published) = published(problem, knots)? {
             listings.push(published);
         }

@@ -1,6 +1,7 @@
 //! `coaxdesign montecarlo`.
 
 use std::collections::BTreeMap;
+use std::fs::TryLockError;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -8,29 +9,25 @@ use std::sync::Mutex;
 use clap::Args;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
-use super::fly::{FlyArgs, Ready, flight_error};
+use super::fly::{FlyArgs, Ready};
 use super::{CliError, Outcome, output};
+use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
 use coaxdesign::report::progress::Progress;
-use coaxdesign::schedule::hash;
-use coaxdesign::simulate::metrics::Meter;
-use coaxdesign::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw, wilson};
-use coaxdesign::simulate::{Flight, Options};
-use coaxdesign::trim::{Options as TrimOptions, sweep};
+use coaxdesign::simulate::montecarlo::{COLUMNS, Criterion, Ranges, Run, wilson};
 use coaxdesign::units::{Kind, parse_quantity};
-
-/// Schema of the file of runs.
-const SCHEMA: &str = "coaxdesign.montecarlo/1";
 
 /// Fly a manoeuvre many times with the aircraft and the air varied
 ///
 /// Variations form a Latin hypercube over mass, inertia, centre of gravity, delay, turbulence,
 /// the inflow of the rotors on one another, and a discrete gust half way.
-/// The file of -o holds one line of JSON a run and is added to as runs end: started again with the
-/// same arguments, the command flies only what is missing. Shards of one study may be flown on
-/// different machines and joined with --merge.
+/// The file of -o holds one line of JSON a run, SI, and is added to as runs end: started again with
+/// the same arguments, the command flies only what is missing. FILE.study.json beside it says what
+/// the study is; runs of another study are refused by what differs. Shards of one study are flown
+/// into files of their own, on any machines, and joined with --merge. The exit code is 0 once all
+/// that was asked for is flown.
 #[derive(Debug, Args)]
 pub struct MonteCarlo {
     #[command(flatten)]
@@ -51,6 +48,12 @@ pub struct MonteCarlo {
     /// Add the runs of these files (of the same study) to the summary, and to -o
     #[arg(long, value_name = "FILE.jsonl", num_args = 1..)]
     merge: Vec<PathBuf>,
+    /// End with exit code 1 if a run is no success
+    #[arg(long)]
+    fail_on_miss: bool,
+    /// End a merge with exit code 1 if runs of the study are missing
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    require_complete: bool,
     /// Range of the mass either way, as a fraction
     #[arg(long, value_name = "FRACTION", default_value_t = 0.1)]
     mass: f64,
@@ -86,33 +89,48 @@ pub struct MonteCarlo {
     run: RunArgs,
 }
 
-/// First line of a file of runs: what the study is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Head {
-    schema: String,
-    maneuver: String,
-    runs: usize,
-    seed: u64,
-    ranges: Ranges,
-    criterion: Criterion,
-    /// Hash of problem, schedule and manoeuvre.
-    study: String,
-}
-
 impl MonteCarlo {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         let ready = self.fly.ready(self.run.quiet)?;
-        let head = self.head(&ready)?;
+        let study = self.study(&ready)?;
+        let head = study.head();
         let runs = head.runs;
         let mut known = BTreeMap::new();
-        if let Some(path) = self.output.as_deref().filter(|path| path.exists()) {
-            read_runs(path, &head, &mut known)?;
-        }
+        let file = self.output.as_deref().map(|path| RunFile::open(path, head, &mut known));
+        let file = file.transpose()?;
         for path in &self.merge {
-            read_runs(path, &head, &mut known)?;
+            read_runs(path, head, &mut known)?;
         }
+        let wanted = self.wanted(runs)?;
+        let missing: Vec<usize> = wanted.into_iter().filter(|k| !known.contains_key(k)).collect();
+        let file = Mutex::new(file);
+        let progress = Progress::new("flights", missing.len() as u64, self.run.quiet);
+        let flown: Vec<Run> = missing
+            .par_iter()
+            .map(|&index| {
+                let run = study.run(index, &Silent)?;
+                if let Some(file) =
+                    file.lock().unwrap_or_else(std::sync::PoisonError::into_inner).as_mut()
+                {
+                    file.add(&run)?;
+                }
+                progress.advance();
+                Ok(run)
+            })
+            .collect::<Result<_, CliError>>()?;
+        progress.finish();
+        known.extend(flown.into_iter().map(|run| (run.run, run)));
+        if let Some(file) = file.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+            file.finish(&known)?;
+        }
+        let list: Vec<&Run> = known.values().collect();
+        output::print(&self.summary(&ready, head, &list)?)?;
+        self.outcome(runs, &list)
+    }
+
+    /// Runs that this command is to fly, if they are not there yet.
+    fn wanted(&self, runs: usize) -> Result<Vec<usize>, CliError> {
         let wanted: Vec<usize> = match (&self.shard, self.run_only) {
             (_, Some(only)) => vec![only as usize],
             (Some(shard), None) => {
@@ -123,50 +141,31 @@ impl MonteCarlo {
             (None, None) if !self.merge.is_empty() => Vec::new(),
             (None, None) => (0..runs).collect(),
         };
-        if let Some(beyond) = wanted.iter().find(|k| **k >= runs) {
-            return Err(CliError::Usage {
+        match wanted.iter().find(|k| **k >= runs) {
+            Some(beyond) => Err(CliError::Usage {
                 message: format!("there is no run {beyond}"),
                 help: format!("the study's runs are 0 to {}", runs - 1),
-            });
+            }),
+            None => Ok(wanted),
         }
-        let missing: Vec<usize> = wanted.into_iter().filter(|k| !known.contains_key(k)).collect();
-        // What is there is written anew, whole: an interrupted line is gone.
-        let file = match &self.output {
-            Some(path) => Some(begin(path, &head, &known)?),
-            None => None,
-        };
-        let file = Mutex::new(file);
-        let progress = Progress::new("flights", missing.len() as u64, self.run.quiet);
-        let flown: Vec<Run> = missing
-            .par_iter()
-            .map(|&index| {
-                let run = self.fly_one(&ready, &head, index)?;
-                let line = serde_json::to_string(&run)
-                    .map_err(|error| CliError::Internal(error.to_string()))?;
-                if let (Ok(mut file), Some(path)) = (file.lock(), &self.output)
-                    && let Some(file) = file.as_mut()
-                {
-                    file.write_all((line + "\n").as_bytes())
-                        .map_err(|source| CliError::Io { path: path.clone(), source })?;
-                }
-                progress.advance();
-                Ok(run)
-            })
-            .collect::<Result<_, CliError>>()?;
-        progress.finish();
-        known.extend(flown.into_iter().map(|run| (run.run, run)));
-        drop(file);
-        if let Some(path) = &self.output {
-            // In order, so that the bytes do not depend on the threads.
-            output::write_whole(path, lines(&head, &known)?.as_bytes(), true)?;
-        }
-        let list: Vec<&Run> = known.values().collect();
-        output::print(&self.summary(&ready, &head, &list)?)?;
-        let all = list.iter().all(|run| run.success);
-        Ok(if all { Outcome::Done } else { Outcome::GoalMissed })
     }
 
-    fn head(&self, ready: &Ready) -> Result<Head, CliError> {
+    /// Flown is done; a merge that lacks runs, and a miss where that was asked
+    /// about, is not.
+    fn outcome(&self, runs: usize, list: &[&Run]) -> Result<Outcome, CliError> {
+        if !self.merge.is_empty() && self.require_complete && list.len() < runs {
+            output::note(&format!(
+                "error: {} of {runs} runs are missing\n  help: fly the shards that are not there; \
+                 --require-complete false takes what is\n",
+                runs - list.len()
+            ));
+            return Ok(Outcome::GoalMissed);
+        }
+        let missed = list.iter().any(|run| !run.success);
+        Ok(if self.fail_on_miss && missed { Outcome::GoalMissed } else { Outcome::Done })
+    }
+
+    fn study(&self, ready: &Ready) -> Result<Study, CliError> {
         let quantity = |flag: &str, text: &str, kind| {
             parse_quantity(text, kind).map_err(|error| CliError::Usage {
                 message: format!("--{flag} {text:?}: {error}"),
@@ -196,81 +195,18 @@ impl MonteCarlo {
             velocity_peak: quantity("peak", &self.peak, Kind::Airspeed)?,
             saturated: quantity("saturated", &self.saturated, Kind::Time)?,
         };
-        let schedule = ready.schedule.as_ref().map_or(Ok(String::new()), |s| {
-            s.to_json().map_err(|error| CliError::Internal(error.to_string()))
-        })?;
-        let texts = ready.loaded.sources.files().iter().map(|file| file.text.as_str());
-        // The checked manoeuvre and options stand for their texts.
-        let rest = format!("{:?}{:?}", ready.maneuver, ready.options);
-        let study = hash(texts.chain([schedule.as_str(), rest.as_str()]));
-        Ok(Head {
-            schema: SCHEMA.into(),
-            maneuver: ready.maneuver.title.clone(),
-            runs: self.runs as usize,
-            seed: self.fly.seed,
-            ranges,
-            criterion,
-            study,
-        })
+        let plan = FlightPlan {
+            maneuver: ready.as_read.clone(),
+            variation: ready.variation,
+            options: ready.options.clone(),
+            every: 1,
+        };
+        let runs = self.runs as usize;
+        let schedule = ready.schedule.as_ref();
+        Ok(Study::new(&ready.loaded, schedule, plan, runs, ranges, criterion)?)
     }
 
-    /// Flies one run.
-    fn fly_one(&self, ready: &Ready, head: &Head, index: usize) -> Result<Run, CliError> {
-        let (drawn, seed) = draw(index, head.runs, head.seed, &head.ranges);
-        // On top of what --model varies for all.
-        let base = &ready.variation;
-        let variation = Variation {
-            interactions: base.interactions,
-            mass: base.mass * drawn.mass,
-            inertia: base.inertia * drawn.inertia,
-            center_of_gravity: base.center_of_gravity + drawn.center_of_gravity,
-            delay: base.delay + drawn.delay,
-            turbulence: drawn.turbulence.or(base.turbulence),
-            inflow: base.inflow * drawn.inflow,
-            gust: std::array::from_fn(|k| base.gust[k] + drawn.gust[k]),
-            governor: base.governor,
-        };
-        let maneuver = variation.fly_in(&ready.as_read);
-        let vehicle = variation.vehicle(&ready.loaded.problem)?;
-        let mut run = Run {
-            run: index,
-            seed,
-            variation,
-            status: "no_trim".into(),
-            state: None,
-            time_s: 0.0,
-            velocity_peak_m_s: [0.0; 3],
-            velocity_rms_m_s: [0.0; 3],
-            attitude_peak_rad: [0.0; 2],
-            saturated_s: 0.0,
-            success: false,
-        };
-        let condition = maneuver.start.condition;
-        let mut found = sweep(&vehicle, &[condition], &TrimOptions::default(), |_| {});
-        let Some(Ok(start)) = found.points.pop().map(|point| point.into_converged()) else {
-            return Ok(run);
-        };
-        let options = Options { seed, extra_delay: variation.delay, ..ready.options.clone() };
-        let mut flight =
-            Flight::new(&vehicle, &start, ready.autopilot.as_ref(), &maneuver, &options)
-                .map_err(|error| flight_error(&error))?;
-        let mut meter = Meter::new(&flight);
-        let status = flight.fly(|flight| meter.see(flight));
-        let metrics = meter.finish(&flight, &status);
-        let size = |channel: &str| metrics.tracked(channel).map(|t| t.size).unwrap_or_default();
-        let sizes = ["forward_velocity", "right_velocity", "climb_rate"].map(size);
-        run.status = metrics.end.status.into();
-        run.state = metrics.end.state;
-        run.time_s = metrics.end.time_s;
-        run.velocity_peak_m_s = sizes.map(|s| s.peak);
-        run.velocity_rms_m_s = sizes.map(|s| s.rms);
-        run.attitude_peak_rad = [metrics.roll_peak_rad, metrics.pitch_peak_rad];
-        run.saturated_s = metrics.saturated_s;
-        run.success = head.criterion.met(&run);
-        Ok(run)
-    }
-
-    fn summary(&self, ready: &Ready, head: &Head, list: &[&Run]) -> Result<String, CliError> {
+    fn summary(&self, ready: &Ready, head: &StudyHead, list: &[&Run]) -> Result<String, CliError> {
         let count = |word: &str| list.iter().filter(|run| run.status == word).count();
         let successes = list.iter().filter(|run| run.success).count();
         let [low, high] = wilson(successes, list.len(), 1.96);
@@ -284,7 +220,7 @@ impl MonteCarlo {
         worst.truncate(5);
         if self.format.shown() == Format::Json {
             let value = json!({
-                "schema": SCHEMA,
+                "schema": STUDY_SCHEMA,
                 "design": ready.opened.as_ref().map(|o| &o.name),
                 "aircraft": ready.loaded.problem.name,
                 "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
@@ -306,30 +242,21 @@ impl MonteCarlo {
             return Ok(text + "\n");
         }
         if self.format.shown() == Format::Csv {
-            let mut text = String::from(
-                "run,seed,mass,inertia,cg_m,delay_s,turbulence_m_s,inflow,gust_forward_m_s,\
-                 gust_right_m_s,gust_up_m_s,status,time_s,\
-                 forward_peak_m_s,right_peak_m_s,vertical_peak_m_s,saturated_s,success\n",
-            );
-            for r in list {
-                let v = &r.variation;
-                let [x, y, z] = r.velocity_peak_m_s;
-                let [gx, gy, gz] = v.gust;
-                text += &format!(
-                    "{},{},{},{},{},{},{},{},{gx},{gy},{gz},{},{},{x},{y},{z},{},{}\n",
-                    r.run,
-                    r.seed,
-                    v.mass,
-                    v.inertia,
-                    v.center_of_gravity,
-                    v.delay,
-                    v.turbulence.unwrap_or(0.0),
-                    v.inflow,
-                    r.status,
-                    r.time_s,
-                    r.saturated_s,
-                    r.success
-                );
+            let mut text = COLUMNS.map(|(name, _)| name).join(",") + "\n";
+            for run in list {
+                let row = serde_json::to_value(run)
+                    .map_err(|error| CliError::Internal(error.to_string()))?;
+                let cells: Vec<String> = row
+                    .as_object()
+                    .into_iter()
+                    .flat_map(|row| row.values())
+                    .map(|value| match value {
+                        Json::Null => String::new(),
+                        Json::String(text) => text.clone(),
+                        other => other.to_string(),
+                    })
+                    .collect();
+                text += &(cells.join(",") + "\n");
             }
             return Ok(text);
         }
@@ -339,7 +266,7 @@ impl MonteCarlo {
         text += &format!(
             "\n{}: {} of {} runs flown: {} completed, {} ended at a limit, {} diverged, {} did not \
              trim\nSuccess: {} of {} ({:.1} %, 95 % confidence {:.1} to {:.1} %)\n\nWorst:\n",
-            head.maneuver,
+            head.maneuver.name,
             list.len(),
             head.runs,
             count("completed"),
@@ -403,49 +330,123 @@ fn shard_of(text: &str) -> Result<(usize, usize), CliError> {
     }
 }
 
-fn lines(head: &Head, runs: &BTreeMap<usize, Run>) -> Result<String, CliError> {
-    let internal = |error: serde_json::Error| CliError::Internal(error.to_string());
-    let mut text = serde_json::to_string(head).map_err(internal)? + "\n";
-    for run in runs.values() {
-        text += &serde_json::to_string(run).map_err(internal)?;
-        text.push('\n');
+/// The file beside a file of runs that says what their study is:
+/// `runs.study.json` for `runs.jsonl`.
+fn head_path(path: &Path) -> PathBuf {
+    path.with_extension("study.json")
+}
+
+/// What the head file holds: the head, the study's hash, and the rows' units.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeadFile {
+    study: String,
+    head: StudyHead,
+    /// Units of the columns.
+    units: BTreeMap<String, String>,
+}
+
+/// A file of runs that this program alone adds to.
+struct RunFile {
+    path: PathBuf,
+    /// Locked for as long as it is open.
+    file: std::fs::File,
+}
+
+impl RunFile {
+    /// Opens a file and locks it; what it holds of the study goes to `known`.
+    /// A last line without an end was interrupted, and is cut off.
+    ///
+    /// # Errors
+    /// Another program that flies into it, or a file of another study.
+    fn open(
+        path: &Path,
+        head: &StudyHead,
+        known: &mut BTreeMap<usize, Run>,
+    ) -> Result<Self, CliError> {
+        let io = |source| CliError::Io { path: path.into(), source };
+        let mut options = std::fs::OpenOptions::new();
+        let file = options.read(true).append(true).create(true).open(path).map_err(io)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(CliError::Usage {
+                    message: format!("{}: another program is flying into it", path.display()),
+                    help: "give each shard a file of its own, and join them with --merge".into(),
+                });
+            }
+            Err(TryLockError::Error(source)) => return Err(io(source)),
+        }
+        if file.metadata().map_err(io)?.len() == 0 {
+            let mut units = BTreeMap::new();
+            for (name, unit) in COLUMNS {
+                units.insert(name.to_owned(), unit.to_owned());
+            }
+            let beside = HeadFile { study: head.hash(), head: head.clone(), units };
+            let text = serde_json::to_string_pretty(&beside)
+                .map_err(|error| CliError::Internal(error.to_string()))?;
+            output::write_whole(&head_path(path), (text + "\n").as_bytes(), true)?;
+        } else {
+            let whole = read_runs(path, head, known)?;
+            file.set_len(whole).map_err(io)?;
+        }
+        Ok(Self { path: path.into(), file })
     }
-    Ok(text)
+
+    fn add(&mut self, run: &Run) -> Result<(), CliError> {
+        let line =
+            serde_json::to_string(run).map_err(|error| CliError::Internal(error.to_string()))?;
+        self.file
+            .write_all((line + "\n").as_bytes())
+            .map_err(|source| CliError::Io { path: self.path.clone(), source })
+    }
+
+    /// Puts the runs in order, so that the bytes do not depend on the threads.
+    fn finish(self, runs: &BTreeMap<usize, Run>) -> Result<(), CliError> {
+        let mut text = String::new();
+        for run in runs.values() {
+            text += &serde_json::to_string(run)
+                .map_err(|error| CliError::Internal(error.to_string()))?;
+            text.push('\n');
+        }
+        output::write_whole(&self.path, text.as_bytes(), true)
+    }
 }
 
-/// Writes what is known, and opens the file to be added to.
-fn begin(
+/// Adds the runs of a file, and gives the length of its whole lines: a last
+/// line without an end is one that was interrupted.
+fn read_runs(
     path: &Path,
-    head: &Head,
-    known: &BTreeMap<usize, Run>,
-) -> Result<std::fs::File, CliError> {
-    output::write_whole(path, lines(head, known)?.as_bytes(), true)?;
-    std::fs::OpenOptions::new()
-        .append(true)
-        .open(path)
-        .map_err(|source| CliError::Io { path: path.into(), source })
-}
-
-/// Adds the runs of a file. A last line without an end is one that was
-/// interrupted.
-fn read_runs(path: &Path, head: &Head, known: &mut BTreeMap<usize, Run>) -> Result<(), CliError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| CliError::Io { path: path.into(), source })?;
-    let other = |message: String| CliError::Usage {
+    head: &StudyHead,
+    known: &mut BTreeMap<usize, Run>,
+) -> Result<u64, CliError> {
+    let read = |path: &Path| {
+        std::fs::read_to_string(path).map_err(|source| CliError::Io { path: path.into(), source })
+    };
+    let other = |path: &Path, message: String| CliError::Usage {
         message: format!("{}: {message}", path.display()),
         help: "give another file with -o, or the arguments that the file was made with".into(),
     };
-    let mut whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-    let first = whole.next().unwrap_or("");
-    let found: Head = serde_json::from_str(first)
-        .map_err(|error| other(format!("not a file of runs: {error}")))?;
-    if found != *head {
-        return Err(other("it holds another study".into()));
+    let text = read(path)?;
+    let beside = head_path(path);
+    if !beside.exists() {
+        let name = beside.display();
+        return Err(other(path, format!("there is no {name}, which says what its study is")));
     }
+    let found: HeadFile = serde_json::from_str(&read(&beside)?)
+        .map_err(|error| other(&beside, format!("it describes no study: {error}")))?;
+    let differences = head.differences(&found.head);
+    if !differences.is_empty() {
+        let list = differences.join("\n  ");
+        return Err(other(path, format!("it holds another study:\n  {list}")));
+    }
+    let mut length = 0;
+    let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
     for (number, line) in whole.enumerate() {
         let run: Run = serde_json::from_str(line)
-            .map_err(|error| other(format!("line {}: {error}", number + 2)))?;
+            .map_err(|error| other(path, format!("line {}: {error}", number + 1)))?;
         known.insert(run.run, run);
+        length += line.len() as u64;
     }
-    Ok(())
+    Ok(length)
 }

@@ -12,8 +12,12 @@ use coaxdesign::problem::{Problem, Reference, STICKS};
 use coaxdesign::report::figures::{Channel, Marks, TrimSweep, trim_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::studies::coax2d::table2::{HOVER_OFF, HOVER_ON};
-use coaxdesign::trim::{FlightCondition, Lateral, Status, TrimPoint};
-use coaxdesign::units::{Kind, System, parse_quantity};
+use coaxdesign::trim::{
+    Branch, FlightCondition, Lateral, Options, Status, TrimPoint, trim_at_power,
+};
+use coaxdesign::units::{FOOT, Kind, System, parse_quantity};
+use coaxdesign::vehicle::Vehicle;
+use coaxdesign::vehicle::inflow::FlowState;
 
 /// Trim a rotorcraft over a range of speeds: the periodic orbit at each
 #[derive(Debug, Args)]
@@ -22,6 +26,9 @@ pub struct Trim {
     problem: ProblemArgs,
     #[command(flatten)]
     pub(super) condition: ConditionArgs,
+    /// Total shaft power, such as "0 hp" for autorotation: the rate of climb follows
+    #[arg(long, value_name = "POWER", conflicts_with = "climb", allow_hyphen_values = true)]
+    power: Option<String>,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "both")]
     interactions: Interactions,
@@ -66,7 +73,7 @@ impl Interactions {
 /// The flight condition.
 #[derive(Debug, Clone, Args)]
 pub struct ConditionArgs {
-    /// True airspeeds: FIRST:LAST:STEP with a unit, a list, or one speed
+    /// Airspeeds, horizontal in a climb: FIRST:LAST:STEP with a unit, a list, or one speed
     #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt", allow_hyphen_values = true)]
     pub speeds: String,
     #[command(flatten)]
@@ -220,11 +227,9 @@ impl FlightArgs {
         Ok(speeds
             .into_iter()
             .map(|speed| FlightCondition {
-                // A vertical climb is flown along the flight path.
-                airspeed: speed.max(climb.abs()),
-                climb_rate: climb,
                 turn_rate,
                 lateral,
+                ..FlightCondition::climbing(speed, climb)
             })
             .collect())
     }
@@ -241,7 +246,13 @@ impl Trim {
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let conditions = self.condition.conditions(&mut loaded.problem)?;
         let problem = &loaded.problem;
-        let points = trim_all(problem, &conditions, self.interactions.positions(), self.run.quiet)?;
+        let power =
+            self.power.as_deref().map(|text| quantity("power", text, Kind::Power)).transpose()?;
+        let positions = self.interactions.positions();
+        let points = match power {
+            None => trim_all(problem, &conditions, positions, self.run.quiet)?,
+            Some(power) => trim_all_at_power(problem, &conditions, power, positions)?,
+        };
         if self.trace {
             for point in points.iter().flatten() {
                 output::note(&trace(point));
@@ -258,6 +269,10 @@ impl Trim {
             output::write_whole(path, figure.as_bytes(), self.output.force)?;
         }
         self.output.write(&text)?;
+        let remarks = remarks(problem, &points);
+        if !remarks.is_empty() {
+            output::note(&remarks);
+        }
         let failures = failures(&points);
         if failures.is_empty() {
             Ok(Outcome::Done)
@@ -278,6 +293,28 @@ pub(super) fn trim_all(
     Ok(pipeline::trim(problem, conditions, positions, &Watch::new(quiet))?)
 }
 
+/// Trims a problem at every condition, the rates of climb from the power.
+fn trim_all_at_power(
+    problem: &Problem,
+    conditions: &[FlightCondition],
+    power: f64,
+    positions: &[bool],
+) -> Result<Vec<Vec<TrimPoint>>, CliError> {
+    use rayon::prelude::*;
+    positions
+        .iter()
+        .map(|&on| {
+            let mut problem = problem.clone();
+            problem.inflow.interactions = on;
+            let vehicle = Vehicle::new(&problem)?;
+            Ok(conditions
+                .par_iter()
+                .map(|&condition| trim_at_power(&vehicle, condition, power, &Options::default()))
+                .collect())
+        })
+        .collect()
+}
+
 /// The interactions in a word.
 pub(super) fn on_off(on: bool) -> &'static str {
     if on { "on" } else { "off" }
@@ -287,11 +324,19 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
     let mut text = format!("{}: periodic trim\n", problem.name);
     for points in sweeps {
         let Some(first) = points.first() else { continue };
-        let mut columns = vec![
-            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+        let climbs = points.iter().any(|point| point.condition.climb_rate != 0.0);
+        let mut columns =
+            vec![Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1))];
+        if climbs {
+            columns.push(match system {
+                System::Us => Column::number("climb", "ft/min", Digits::Decimals(0)),
+                System::Si => Column::number("climb", "m/s", Digits::Decimals(2)),
+            });
+        }
+        columns.extend([
             Column::number("roll", "deg", Digits::Decimals(2)),
             Column::number("pitch", "deg", Digits::Decimals(2)),
-        ];
+        ]);
         for stick in STICKS {
             columns.push(Column::number(stick, "%", Digits::Decimals(2)));
         }
@@ -320,11 +365,17 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
         );
         for point in points {
             let [roll, pitch] = attitude(point);
-            let mut cells = vec![
-                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
-                Cell::from(roll.to_degrees()),
-                Cell::from(pitch.to_degrees()),
-            ];
+            let mut cells = vec![Cell::from(
+                Kind::Airspeed.from_si(point.condition.horizontal_speed(), system),
+            )];
+            if climbs {
+                let rate = point.condition.climb_rate;
+                cells.push(Cell::from(match system {
+                    System::Us => rate / (FOOT / 60.0),
+                    System::Si => rate,
+                }));
+            }
+            cells.extend([Cell::from(roll.to_degrees()), Cell::from(pitch.to_degrees())]);
             cells.extend(point.sticks.iter().map(|&stick| Cell::from(stick)));
             for rotor in &point.rotors {
                 cells.push(Cell::from(Kind::Force.from_si(rotor.thrust, system)));
@@ -406,7 +457,7 @@ fn blades_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) ->
             any = true;
             let worst = &census.worst;
             table.row([
-                Cell::from(Kind::Airspeed.from_si(point.condition.airspeed, system)),
+                Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
                 Cell::from(on_off(point.interactions)),
                 Cell::from(rotor.name.as_str()),
                 Cell::from(100.0 * shares[0]),
@@ -562,6 +613,7 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         put(if us { "power_hp" } else { "power_w" }.into(), {
             if us { show(Kind::Power, mean.power) } else { clean(mean.power) }
         });
+        put("flow_state".into(), json!(mean.flow.word()));
         put("c_t".into(), clean(mean.thrust_coefficient));
         put("c_p".into(), clean(mean.power_coefficient));
         for (names, values) in [
@@ -623,9 +675,9 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     object.insert(
         if us { "speed_kt" } else { "speed_m_s" }.into(),
         if us {
-            show(Kind::Airspeed, point.condition.airspeed)
+            show(Kind::Airspeed, point.condition.horizontal_speed())
         } else {
-            clean(point.condition.airspeed)
+            clean(point.condition.horizontal_speed())
         },
     );
     object.insert("interactions".into(), json!(point.interactions));
@@ -638,6 +690,17 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     }
     if let Status::BeyondLimits { controls } = &point.status {
         object.insert("beyond_limits".into(), json!(controls));
+    }
+    object.insert("branch".into(), json!(point.branch.word()));
+    if let Some(last) = point.branch.last() {
+        object.insert(
+            "last_from_level_flight".into(),
+            json!({
+                "speed_m_s": clean(last.horizontal_speed()),
+                "climb_rate_m_s": clean(last.climb_rate),
+                "turn_rate_rad_s": clean(last.turn_rate),
+            }),
+        );
     }
     object.insert("iterations".into(), json!(point.iterations));
     object.insert("residual_norm".into(), json!(point.residual_norm));
@@ -700,6 +763,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             format!("theta_0_{angle_unit}"),
             format!("theta_1c_{angle_unit}"),
             format!("theta_1s_{angle_unit}"),
+            "flow_state".into(),
         ] {
             head.push(format!("{}.{column}", rotor.name));
         }
@@ -708,7 +772,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
     let mut text = head.join(",") + "\n";
     for point in sweeps.iter().flatten() {
         let [roll, pitch] = attitude(point);
-        let airspeed = point.condition.airspeed;
+        let airspeed = point.condition.horizontal_speed();
         let mut row = vec![
             number(if us { Kind::Airspeed.from_si(airspeed, system) } else { airspeed }),
             on_off(point.interactions).into(),
@@ -726,6 +790,7 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
                 number(mean.self_inflow[0]),
             ]);
             row.extend(mean.flapping.iter().chain(&mean.pitch).map(|&v| number(angle(v))));
+            row.push(mean.flow.word().into());
         }
         row.push(number(watt(point.power.shaft)));
         row.push(number(point.residual_norm));
@@ -775,7 +840,10 @@ pub(super) fn curves(
         name: name.into(),
         style,
         marks: Marks::With,
-        speed: good.iter().map(|p| Kind::Airspeed.from_si(p.condition.airspeed, system)).collect(),
+        speed: good
+            .iter()
+            .map(|p| Kind::Airspeed.from_si(p.condition.horizontal_speed(), system))
+            .collect(),
         pitch_attitude_deg: good.iter().map(|p| attitude(p)[1].to_degrees()).collect(),
         roll_attitude_deg: good.iter().map(|p| attitude(p)[0].to_degrees()).collect(),
         controls: (0..4).map(|k| channel(STICKS[k], "%", &|p| p.sticks[k])).collect(),
@@ -800,7 +868,7 @@ pub(super) fn curves(
 fn trace(point: &TrimPoint) -> String {
     let mut text = format!(
         "{:.1} kt, interactions {}: {} steps a period\n",
-        Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
+        Kind::Airspeed.from_si(point.condition.horizontal_speed(), System::Us),
         on_off(point.interactions),
         point.steps
     );
@@ -823,42 +891,109 @@ fn trace(point: &TrimPoint) -> String {
     text
 }
 
-/// What did not trim and why.
+/// A condition in a few words.
+fn place(condition: &FlightCondition, system: System) -> String {
+    let shown = |kind: Kind, value: f64, digits: usize| {
+        format!("{:.digits$} {}", kind.from_si(value, system), kind.symbol(system))
+    };
+    let mut text = shown(Kind::Airspeed, condition.horizontal_speed(), 1);
+    if condition.climb_rate != 0.0 {
+        let rate = match system {
+            System::Us => format!("{:.0} ft/min", condition.climb_rate.abs() / (FOOT / 60.0)),
+            System::Si => shown(Kind::Velocity, condition.climb_rate.abs(), 2),
+        };
+        text += &format!(
+            ", {} {rate}",
+            if condition.climb_rate > 0.0 { "climbing" } else { "sinking" }
+        );
+    }
+    if condition.turn_rate != 0.0 {
+        text += &format!(", turning {:.1} deg/s", condition.turn_rate.to_degrees());
+    }
+    text
+}
+
+/// What did not trim and why, and trims that do not continue level flight.
 pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
     let mut text = String::new();
-    for points in sweeps {
-        for (index, point) in points.iter().enumerate() {
-            let place = format!(
-                "{:.1} kt, interactions {}",
-                Kind::Airspeed.from_si(point.condition.airspeed, System::Us),
-                on_off(point.interactions)
-            );
-            match &point.status {
-                Status::Converged => {}
-                Status::BeyondLimits { controls } => {
-                    text += &format!(
-                        "{place}: trimmed, but beyond the limits of {}\n",
-                        controls.join(", ")
-                    );
-                }
-                Status::Failed { equations, binding, reason } => {
-                    text += &format!("{place}: no trim: {reason}\n");
-                    if !equations.is_empty() {
-                        text += &format!("  equations not met: {}\n", equations.join(", "));
-                    }
-                    if !binding.is_empty() {
-                        text += &format!("  limits that bind: {}\n", binding.join(", "));
-                    }
-                    let good = points[..index].iter().rev().find(|p| p.on_orbit());
-                    text += &match good {
-                        Some(good) => format!(
-                            "  last good point: {:.1} kt\n",
-                            Kind::Airspeed.from_si(good.condition.airspeed, System::Us)
-                        ),
-                        None => "  no point before it trimmed\n".to_owned(),
-                    };
-                }
+    for point in sweeps.iter().flatten() {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        match &point.status {
+            Status::Converged => {}
+            Status::BeyondLimits { controls } => {
+                text += &format!(
+                    "{place_of}: trimmed, but beyond the limits of {}\n",
+                    controls.join(", ")
+                );
             }
+            Status::Failed { equations, binding, reason } => {
+                text += &format!("{place_of}: no trim: {reason}\n");
+                if !equations.is_empty() {
+                    text += &format!("  equations not met: {}\n", equations.join(", "));
+                }
+                if !binding.is_empty() {
+                    text += &format!("  limits that bind: {}\n", binding.join(", "));
+                }
+                text += &match point.branch.last() {
+                    Some(last) => {
+                        format!(
+                            "  the last trim on the way from level flight: {}\n",
+                            place(&last, system)
+                        )
+                    }
+                    None => String::new(),
+                };
+            }
+        }
+    }
+    text
+}
+
+/// Trims that are not what the name promises at first sight.
+pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> String {
+    let system = System::Us;
+    let mut text = String::new();
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        let place_of = format!(
+            "{}, interactions {}",
+            place(&point.condition, system),
+            on_off(point.interactions)
+        );
+        for (rotor, mean) in problem.rotors.iter().zip(&point.rotors) {
+            let remark = match mean.flow {
+                FlowState::VortexRing => {
+                    "in the vortex-ring state: its inflow is a mean by measurement, and thrust is \
+                     unsteady in flight"
+                }
+                FlowState::TurbulentWake => {
+                    "in the turbulent-wake state of descent: its inflow is a mean by measurement"
+                }
+                FlowState::Windmill | FlowState::Normal => continue,
+            };
+            text += &format!("{place_of}: {} is {remark}\n", rotor.name);
+        }
+        match &point.branch {
+            Branch::Folded { folds } => {
+                text += &format!(
+                    "{place_of}: the way from level flight folds {folds} times before it arrives; \
+                     conditions between the folds have more than one trim\n"
+                );
+            }
+            Branch::Separate { last } => {
+                text += &format!(
+                    "{place_of}: this trim does not continue level flight{}\n",
+                    last.map_or(String::new(), |last| format!(
+                        ", which ends at {}",
+                        place(&last, system)
+                    ))
+                );
+            }
+            _ => {}
         }
     }
     text

@@ -118,9 +118,11 @@ impl Language for C<'_> {
                     matrix.chunks(4).map(|row| format!("    {{ {} }},", row.join(", "))).collect();
                 Some(format!(
                     "real {block}_matrix[4][4] = {{\n{}\n}};\nreal {block}[4] = {{ {} }};\n\
-                     solve({block}_matrix, {block});",
+                     if (solve({block}_matrix, {block}) == 0u) {{\n    for (unsigned int i = 0u; i \
+                     < 4u; i++) {{\n        {block}[i] = {};\n    }}\n}}",
                     rows.join("\n"),
-                    right.join(", ")
+                    right.join(", "),
+                    self.number(0.0)
                 ))
             }
             _ => None,

@@ -73,6 +73,10 @@ pub fn expression(d: &Diagram, language: &dyn Language, wire: Wire) -> String {
     match &block.kind {
         Kind::Input | Kind::Switch => language.input(name),
         Kind::Constant(_) | Kind::Entry(_) => operand(d, language, wire),
+        // One product alone needs no brackets.
+        Kind::Sum(terms) if terms.len() == 1 && !terms[0].negative => {
+            terms[0].factors.iter().map(o).collect::<Vec<_>>().join(" * ")
+        }
         Kind::Sum(terms) => {
             let mut text = String::new();
             for (k, t) in terms.iter().enumerate() {

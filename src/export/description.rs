@@ -17,6 +17,7 @@ use crate::control::loops::LawSettings;
 use crate::control::plant::{Hardware, TrimPoint};
 use crate::law::mdi::{Notch, Notches};
 use crate::law::tables::{Label, STICKS};
+use crate::problem::visible;
 use crate::schedule::{self, Matrices, Point, Provenance, Schedule, ScheduleError};
 use crate::units::STANDARD_GRAVITY;
 
@@ -374,7 +375,8 @@ impl Description {
             schema: SCHEMA.into(),
             name: schedule.name.clone(),
             requirements_met: schedule.requirements_met,
-            warnings,
+            // They may quote what a file says.
+            warnings: warnings.iter().map(|text| visible(text, false)).collect(),
             provenance: schedule.provenance.clone(),
             rules: RULES.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect(),
             speed: Speed {

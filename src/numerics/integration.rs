@@ -222,12 +222,6 @@ impl<T: Scalar> Integrator<T> {
             }
         }
     }
-
-    /// Rates at the start of the last step.
-    #[must_use]
-    pub fn first_rates(&self) -> &[T] {
-        &self.rates[0]
-    }
 }
 
 #[cfg(test)]

@@ -1,13 +1,10 @@
-//! Smooth interpolation in tables of one and two variables, and Chebyshev
-//! series.
+//! Smooth interpolation in tables of one and two variables.
 //!
 //! * [`CubicHermite`]: one variable, C¹, never outside its data.
 //! * [`Bicubic`]: several functions of two variables on one grid, found in
 //!   constant time: C¹ and never outside their data, or C² splines.
 //! * [`UniformTable`]: several functions of one variable, C¹ and of fourth
 //!   order.
-//! * [`ChebyshevSeries`]: several smooth functions of one variable, with
-//!   derivative.
 //!
 //! The tables use cubic Hermite pieces. The slope at a node is that of the
 //! parabola through it and its neighbours, which is exact for quadratics; it
@@ -836,125 +833,6 @@ impl<const C: usize> UniformTable<C> {
     }
 }
 
-/// Functions f₁…f_C of one variable as Chebyshev series on [low, high]:
-/// f_c(x) = Σ_k a_k,c T_k(t), t the variable mapped to [−1, 1].
-#[derive(Debug, Clone)]
-pub struct ChebyshevSeries<const C: usize> {
-    center: f64,
-    per_half_length: f64,
-    coefficients: Vec<[f64; C]>,
-}
-
-impl<const C: usize> ChebyshevSeries<C> {
-    /// The series of `count` terms that agrees with `f` at the `count` zeros
-    /// of T_count on [low, high].
-    pub fn fit(low: f64, high: f64, count: usize, mut f: impl FnMut(f64) -> [f64; C]) -> Self {
-        let nodes = chebyshev_nodes(low, high, count);
-        let values: Vec<[f64; C]> = nodes.iter().map(|&x| f(x)).collect();
-        Self::through(low, high, &values)
-    }
-
-    /// The series through values at [`chebyshev_nodes`].
-    pub fn through(low: f64, high: f64, values: &[[f64; C]]) -> Self {
-        let count = values.len();
-        let coefficients = (0..count)
-            .map(|k| {
-                let mut a = [0.0; C];
-                for (i, value) in values.iter().enumerate() {
-                    let weight = chebyshev_angle(i, count, k).cos();
-                    for c in 0..C {
-                        a[c] += weight * value[c];
-                    }
-                }
-                let norm = if k == 0 { 1.0 } else { 2.0 } / count as f64;
-                a.map(|v| v * norm)
-            })
-            .collect();
-        Self { center: 0.5 * (low + high), per_half_length: 2.0 / (high - low), coefficients }
-    }
-
-    /// Number of terms.
-    pub fn terms(&self) -> usize {
-        self.coefficients.len()
-    }
-
-    /// Drops trailing terms whose sum is at most `tolerance` in every
-    /// function: no value on [low, high] changes by more.
-    pub fn truncate(&mut self, tolerance: f64) {
-        let mut tail = [0.0; C];
-        while self.coefficients.len() > 1 {
-            let last = self.coefficients[self.coefficients.len() - 1];
-            for c in 0..C {
-                tail[c] += last[c].abs();
-            }
-            if tail.iter().any(|&t| t > tolerance) {
-                break;
-            }
-            self.coefficients.pop();
-        }
-    }
-
-    /// Largest magnitude among the last two coefficients, a measure of what
-    /// the series leaves out.
-    pub fn tail(&self) -> f64 {
-        self.coefficients.iter().rev().take(2).flatten().fold(0.0, |most: f64, a| most.max(a.abs()))
-    }
-
-    /// Values at `x`, by Clenshaw's recurrence. Valid on [low, high]; beyond
-    /// it the polynomial goes on.
-    #[inline]
-    pub fn value(&self, x: f64) -> [f64; C] {
-        let t = (x - self.center) * self.per_half_length;
-        let (mut b1, mut b2) = ([0.0; C], [0.0; C]);
-        for a in self.coefficients.iter().skip(1).rev() {
-            for c in 0..C {
-                let b0 = a[c] + 2.0 * t * b1[c] - b2[c];
-                b2[c] = b1[c];
-                b1[c] = b0;
-            }
-        }
-        let a0 = &self.coefficients[0];
-        std::array::from_fn(|c| a0[c] + t * b1[c] - b2[c])
-    }
-
-    /// Values and derivatives at `x`. The values have the bits of
-    /// [`ChebyshevSeries::value`].
-    #[inline]
-    pub fn evaluate(&self, x: f64) -> ([f64; C], [f64; C]) {
-        let t = (x - self.center) * self.per_half_length;
-        let (mut b1, mut b2) = ([0.0; C], [0.0; C]);
-        // d1, d2: derivatives of b1, b2 by t.
-        let (mut d1, mut d2) = ([0.0; C], [0.0; C]);
-        for a in self.coefficients.iter().skip(1).rev() {
-            for c in 0..C {
-                let d0 = 2.0 * (b1[c] + t * d1[c]) - d2[c];
-                d2[c] = d1[c];
-                d1[c] = d0;
-                let b0 = a[c] + 2.0 * t * b1[c] - b2[c];
-                b2[c] = b1[c];
-                b1[c] = b0;
-            }
-        }
-        let a0 = &self.coefficients[0];
-        (
-            std::array::from_fn(|c| a0[c] + t * b1[c] - b2[c]),
-            std::array::from_fn(|c| self.per_half_length * (b1[c] + t * d1[c] - d2[c])),
-        )
-    }
-}
-
-/// The `count` zeros of the Chebyshev polynomial T_count mapped to
-/// [low, high], decreasing.
-pub fn chebyshev_nodes(low: f64, high: f64, count: usize) -> Vec<f64> {
-    (0..count)
-        .map(|i| 0.5 * (low + high) + 0.5 * (high - low) * chebyshev_angle(i, count, 1).cos())
-        .collect()
-}
-
-fn chebyshev_angle(i: usize, count: usize, k: usize) -> f64 {
-    std::f64::consts::PI * k as f64 * (i as f64 + 0.5) / count as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -1115,31 +993,6 @@ mod tests {
         };
         let ratio = error(32) / error(64);
         assert!(ratio > 12.0 && ratio < 20.0, "{ratio}");
-    }
-
-    #[test]
-    fn chebyshev_series_find_exp_and_its_derivative() {
-        let series = ChebyshevSeries::fit(-0.5, 2.0, 18, |x| [x.exp(), (2.0 * x).sin()]);
-        for k in 0..=50 {
-            let x = -0.5 + 0.05 * k as f64;
-            let (value, slope) = series.evaluate(x);
-            assert!((value[0] - x.exp()).abs() < 1e-13);
-            assert!((slope[0] - x.exp()).abs() < 1e-11);
-            assert!((slope[1] - 2.0 * (2.0 * x).cos()).abs() < 1e-11);
-            assert_eq!(value, series.value(x));
-        }
-    }
-
-    #[test]
-    fn a_truncated_series_keeps_its_promise() {
-        let full = ChebyshevSeries::fit(0.0, 1.0, 24, |x| [(3.0 * x).cos()]);
-        let mut short = full.clone();
-        short.truncate(1e-6);
-        assert!(short.terms() < 12);
-        for k in 0..=40 {
-            let x = k as f64 / 40.0;
-            assert!((full.value(x)[0] - short.value(x)[0]).abs() <= 1e-6);
-        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Numerical methods that know nothing of aircraft.
 //!
 //! * [`scalar`]: real numbers and forward-mode duals behind one trait.
-//! * [`interpolation`]: smooth tables in one and two variables, and Chebyshev series.
+//! * [`interpolation`]: smooth tables in one and two variables.
 //! * [`quadrature`]: Gauss–Legendre and periodic rules.
 //! * [`integration`]: fixed-step Runge–Kutta of known order.
 //! * [`least_squares`]: bounded Levenberg–Marquardt as an argmin solver.

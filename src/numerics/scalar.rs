@@ -62,12 +62,6 @@ pub trait Scalar:
         function: &F,
         input: &[Self; K],
     ) -> [Self; M];
-    /// `value` with the tangents `Σ weight[k] · tangent(term[k])`: the
-    /// derivative of the solution of a linear system whose inverse's row is
-    /// `weight` and whose residuals are `term`.
-    fn with_tangents_of<const K: usize>(value: f64, weight: &[f64; K], term: &[Self; K]) -> Self {
-        Self::chain(value, weight, term)
-    }
 }
 
 impl Scalar for f64 {

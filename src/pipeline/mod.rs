@@ -13,6 +13,7 @@
 //! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
+//! | [`Study`] | a problem, a schedule, a [`FlightPlan`] | its runs, one by one, varied |
 //! | [`crate::export::export`] | a schedule | files of other programs |
 //!
 //! Every function takes an [`Observer`], which hears of progress and can stop
@@ -41,6 +42,7 @@ mod lock;
 mod observer;
 mod requirements;
 mod stages;
+mod study;
 mod tuning;
 
 pub use error::PipelineError;
@@ -48,6 +50,7 @@ pub use lock::{DirectoryLock, LockError};
 pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, models, trim};
+pub use study::{Part, STUDY_SCHEMA, Study, StudyHead};
 pub use tuning::{
     PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, plants_of_models, tune,
     tune_models, verification_document, verification_speeds, verify, verify_models,

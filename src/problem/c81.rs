@@ -752,7 +752,7 @@ mod tests {
         let twice = format!("{}\n{text}", text.lines().next().unwrap());
         assert_eq!(parse(&twice).unwrap(), parse(&text).unwrap());
         let error = parse(&text.replacen("0.060", "0.06.0", 1)).unwrap_err();
-        assert!(error.message.contains("`0.06.0` in columns"), "{error}");
+        assert!(error.message.contains("`0.06.` in columns 15 to 21"), "{error}");
     }
 
     /// A line whose columns and blanks say different things is not guessed at.

@@ -783,14 +783,23 @@ fn build(root: &CheckedTable, reader: &mut Reader) -> Option<Maneuver> {
     let limits = root.table("limits")?;
     let climb = start.number("climb_rate")?;
     let airspeed = start.number("airspeed")?;
+    if airspeed > 0.0 && airspeed < climb.abs() {
+        reader.error(
+            start.place("airspeed"),
+            &start.key_path("airspeed"),
+            format!("the flight climbs or sinks by {:.3} m/s, faster than it flies", climb.abs()),
+            "give a true airspeed above the rate of climb, or 0 for a vertical climb".into(),
+        );
+        return None;
+    }
     Some(Maneuver {
         title: root.text("title")?.to_owned(),
         duration: root.number("duration")?,
         mode: mode?,
         start: Start {
             condition: FlightCondition {
-                // A vertical climb is flown along the flight path.
-                airspeed: airspeed.max(climb.abs()),
+                // Without airspeed a climb is vertical.
+                airspeed: if airspeed > 0.0 { airspeed } else { climb.abs() },
                 climb_rate: climb,
                 turn_rate: start.number("turn_rate")?,
                 lateral: Lateral::Sideslip(0.0),

@@ -6,6 +6,7 @@
 //! whichever machine.
 
 use super::maneuver::Maneuver;
+use super::metrics::Metrics;
 use super::wind::{Gust, GustShape, Turbulence};
 use crate::problem::{Governor, Problem};
 use crate::units::{FOOT, KNOT};
@@ -62,6 +63,23 @@ impl Default for Variation {
 }
 
 impl Variation {
+    /// Another variation on top of this one: factors multiply, shifts, delays
+    /// and gusts add, what is drawn of the air takes the place of this one's.
+    #[must_use]
+    pub fn with(&self, drawn: &Self) -> Self {
+        Self {
+            interactions: drawn.interactions.or(self.interactions),
+            mass: self.mass * drawn.mass,
+            inertia: self.inertia * drawn.inertia,
+            center_of_gravity: self.center_of_gravity + drawn.center_of_gravity,
+            delay: self.delay + drawn.delay,
+            turbulence: drawn.turbulence.or(self.turbulence),
+            inflow: self.inflow * drawn.inflow,
+            gust: std::array::from_fn(|k| self.gust[k] + drawn.gust[k]),
+            governor: drawn.governor.or(self.governor),
+        }
+    }
+
     /// The problem, varied.
     #[must_use]
     pub fn apply(&self, problem: &Problem) -> Problem {
@@ -193,9 +211,10 @@ pub fn draw(index: usize, runs: usize, seed: u64, ranges: &Ranges) -> (Variation
     (variation, own.next_u64() >> 11)
 }
 
-/// What a run amounts to.
+/// What a run amounts to. As JSON it is a flat row, SI and radians, with the
+/// unit in the name of each number; [`COLUMNS`] lists them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(from = "Row", into = "Row")]
 pub struct Run {
     /// Which, from 0.
     pub run: usize,
@@ -205,7 +224,7 @@ pub struct Run {
     pub variation: Variation,
     /// `completed`, `limit`, `diverged` or `no_trim`.
     pub status: String,
-    /// The state that left its bounds, or the trim's reason.
+    /// The state that left its bounds.
     pub state: Option<String>,
     /// When it ended, s.
     pub time_s: f64,
@@ -219,6 +238,182 @@ pub struct Run {
     pub saturated_s: f64,
     /// Whether it counts as a success.
     pub success: bool,
+}
+
+impl Run {
+    /// A run whose aircraft did not trim.
+    #[must_use]
+    pub fn without_trim(run: usize, seed: u64, variation: Variation) -> Self {
+        Self {
+            run,
+            seed,
+            variation,
+            status: "no_trim".into(),
+            state: None,
+            time_s: 0.0,
+            velocity_peak_m_s: [0.0; 3],
+            velocity_rms_m_s: [0.0; 3],
+            attitude_peak_rad: [0.0; 2],
+            saturated_s: 0.0,
+            success: false,
+        }
+    }
+
+    /// A run that was flown; whether it is a success is for [`Criterion::met`]
+    /// to say.
+    #[must_use]
+    pub fn flown(run: usize, seed: u64, variation: Variation, metrics: &Metrics) -> Self {
+        let size = |channel: &str| metrics.tracked(channel).map(|t| t.size).unwrap_or_default();
+        let sizes = ["forward_velocity", "right_velocity", "climb_rate"].map(size);
+        Self {
+            status: metrics.end.status.into(),
+            state: metrics.end.state.clone(),
+            time_s: metrics.end.time_s,
+            velocity_peak_m_s: sizes.map(|s| s.peak),
+            velocity_rms_m_s: sizes.map(|s| s.rms),
+            attitude_peak_rad: [metrics.roll_peak_rad, metrics.pitch_peak_rad],
+            saturated_s: metrics.saturated_s,
+            ..Self::without_trim(run, seed, variation)
+        }
+    }
+}
+
+/// Columns of a row and their units; `1` for none.
+pub const COLUMNS: [(&str, &str); 26] = [
+    ("run", "1"),
+    ("seed", "1"),
+    ("mass_factor", "1"),
+    ("inertia_factor", "1"),
+    ("center_of_gravity_shift_m", "m"),
+    ("extra_delay_s", "s"),
+    ("turbulence_m_s", "m/s"),
+    ("interference_factor", "1"),
+    ("gust_forward_m_s", "m/s"),
+    ("gust_right_m_s", "m/s"),
+    ("gust_up_m_s", "m/s"),
+    ("governor_s", "s"),
+    ("interactions", "1"),
+    ("status", "1"),
+    ("state", "1"),
+    ("time_s", "s"),
+    ("forward_velocity_peak_m_s", "m/s"),
+    ("right_velocity_peak_m_s", "m/s"),
+    ("climb_rate_peak_m_s", "m/s"),
+    ("forward_velocity_rms_m_s", "m/s"),
+    ("right_velocity_rms_m_s", "m/s"),
+    ("climb_rate_rms_m_s", "m/s"),
+    ("phi_peak_rad", "rad"),
+    ("theta_peak_rad", "rad"),
+    ("saturated_s", "s"),
+    ("success", "1"),
+];
+
+/// A run as it is written.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    run: usize,
+    seed: u64,
+    mass_factor: f64,
+    inertia_factor: f64,
+    center_of_gravity_shift_m: f64,
+    extra_delay_s: f64,
+    turbulence_m_s: Option<f64>,
+    interference_factor: f64,
+    gust_forward_m_s: f64,
+    gust_right_m_s: f64,
+    gust_up_m_s: f64,
+    governor_s: Option<f64>,
+    interactions: Option<bool>,
+    status: String,
+    state: Option<String>,
+    time_s: f64,
+    forward_velocity_peak_m_s: f64,
+    right_velocity_peak_m_s: f64,
+    climb_rate_peak_m_s: f64,
+    forward_velocity_rms_m_s: f64,
+    right_velocity_rms_m_s: f64,
+    climb_rate_rms_m_s: f64,
+    phi_peak_rad: f64,
+    theta_peak_rad: f64,
+    saturated_s: f64,
+    success: bool,
+}
+
+impl From<Run> for Row {
+    fn from(run: Run) -> Self {
+        let v = run.variation;
+        let [gust_forward_m_s, gust_right_m_s, gust_up_m_s] = v.gust;
+        let [forward_velocity_peak_m_s, right_velocity_peak_m_s, climb_rate_peak_m_s] =
+            run.velocity_peak_m_s;
+        let [forward_velocity_rms_m_s, right_velocity_rms_m_s, climb_rate_rms_m_s] =
+            run.velocity_rms_m_s;
+        let [phi_peak_rad, theta_peak_rad] = run.attitude_peak_rad;
+        Self {
+            run: run.run,
+            seed: run.seed,
+            mass_factor: v.mass,
+            inertia_factor: v.inertia,
+            center_of_gravity_shift_m: v.center_of_gravity,
+            extra_delay_s: v.delay,
+            turbulence_m_s: v.turbulence,
+            interference_factor: v.inflow,
+            gust_forward_m_s,
+            gust_right_m_s,
+            gust_up_m_s,
+            governor_s: v.governor,
+            interactions: v.interactions,
+            status: run.status,
+            state: run.state,
+            time_s: run.time_s,
+            forward_velocity_peak_m_s,
+            right_velocity_peak_m_s,
+            climb_rate_peak_m_s,
+            forward_velocity_rms_m_s,
+            right_velocity_rms_m_s,
+            climb_rate_rms_m_s,
+            phi_peak_rad,
+            theta_peak_rad,
+            saturated_s: run.saturated_s,
+            success: run.success,
+        }
+    }
+}
+
+impl From<Row> for Run {
+    fn from(row: Row) -> Self {
+        Self {
+            run: row.run,
+            seed: row.seed,
+            variation: Variation {
+                interactions: row.interactions,
+                mass: row.mass_factor,
+                inertia: row.inertia_factor,
+                center_of_gravity: row.center_of_gravity_shift_m,
+                delay: row.extra_delay_s,
+                turbulence: row.turbulence_m_s,
+                inflow: row.interference_factor,
+                gust: [row.gust_forward_m_s, row.gust_right_m_s, row.gust_up_m_s],
+                governor: row.governor_s,
+            },
+            status: row.status,
+            state: row.state,
+            time_s: row.time_s,
+            velocity_peak_m_s: [
+                row.forward_velocity_peak_m_s,
+                row.right_velocity_peak_m_s,
+                row.climb_rate_peak_m_s,
+            ],
+            velocity_rms_m_s: [
+                row.forward_velocity_rms_m_s,
+                row.right_velocity_rms_m_s,
+                row.climb_rate_rms_m_s,
+            ],
+            attitude_peak_rad: [row.phi_peak_rad, row.theta_peak_rad],
+            saturated_s: row.saturated_s,
+            success: row.success,
+        }
+    }
 }
 
 /// What makes a run a success.
@@ -286,6 +481,24 @@ mod tests {
         let seeds: std::collections::BTreeSet<u64> =
             (0..runs).map(|k| draw(k, runs, 5, &ranges).1).collect();
         assert_eq!(seeds.len(), runs);
+    }
+
+    /// A row has the listed columns, in order, and reads back as the same run.
+    #[test]
+    fn rows_are_flat_and_read_back() {
+        let (variation, seed) = draw(3, 9, 1, &Ranges::default());
+        let mut run = Run::without_trim(3, seed, variation);
+        run.velocity_peak_m_s = [0.1, 0.2, 0.3];
+        run.state = Some("theta".into());
+        let row = serde_json::to_value(&run).unwrap();
+        let names: Vec<&str> = row.as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(names, COLUMNS.map(|(name, _)| name));
+        assert!(row.as_object().unwrap().values().all(|v| !v.is_object() && !v.is_array()));
+        assert_eq!(serde_json::from_value::<Run>(row).unwrap(), run);
+        for (name, unit) in COLUMNS {
+            let ending = unit.replace('/', "_");
+            assert!(unit == "1" || name.ends_with(&format!("_{ending}")), "{name} {unit}");
+        }
     }
 
     /// The interval's ends p solve |p̂ − p| = z √(p(1 − p)/n), Wilson's

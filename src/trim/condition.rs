@@ -16,8 +16,8 @@ pub enum Lateral {
 pub struct FlightCondition {
     /// True airspeed V, m/s, not negative.
     pub airspeed: f64,
-    /// Rate of climb, m/s, at most V in magnitude unless V is zero, when it
-    /// is the whole speed.
+    /// Rate of climb, m/s, at most V in magnitude: a vertical climb has both
+    /// the same (or V zero, which means the same).
     pub climb_rate: f64,
     /// Rate of turn of the heading, rad/s, positive to starboard.
     pub turn_rate: f64,
@@ -30,6 +30,35 @@ impl FlightCondition {
     #[must_use]
     pub fn level(airspeed: f64) -> Self {
         Self { airspeed, climb_rate: 0.0, turn_rate: 0.0, lateral: Lateral::Sideslip(0.0) }
+    }
+
+    /// Straight flight without sideslip at a horizontal speed and a rate of
+    /// climb, m/s. A horizontal speed of zero is a vertical climb.
+    #[must_use]
+    pub fn climbing(horizontal_speed: f64, climb_rate: f64) -> Self {
+        let airspeed =
+            if climb_rate == 0.0 { horizontal_speed } else { horizontal_speed.hypot(climb_rate) };
+        Self { airspeed, climb_rate, ..Self::level(horizontal_speed) }
+    }
+
+    /// The condition in words, speeds in m/s, angles in degrees.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let mut text = format!("{:.2} m/s", self.horizontal_speed());
+        if self.climb_rate != 0.0 {
+            text += &format!(" climbing {:.2} m/s", self.climb_rate);
+        }
+        if self.turn_rate != 0.0 {
+            text += &format!(" turning {:.3} rad/s", self.turn_rate);
+        }
+        match self.lateral {
+            Lateral::Sideslip(angle) if angle != 0.0 => {
+                text += &format!(" at {:.1} deg of sideslip", angle.to_degrees());
+            }
+            Lateral::Bank(angle) => text += &format!(" at {:.1} deg of bank", angle.to_degrees()),
+            Lateral::Sideslip(_) => {}
+        }
+        text
     }
 
     /// Horizontal part of the speed, m/s.

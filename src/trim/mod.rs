@@ -11,13 +11,20 @@
 //! * [`condition`]: what is asked for.
 //! * [`shooting`]: one period of flight and its derivatives.
 //! * [`solve`]: one trim point, from a guess, with its report.
-//! * [`mod@sweep`]: many points, each from its neighbour.
+//! * [`path`]: which of several solutions is the trim of a condition.
+//! * [`power`]: the rate of climb from the power.
+//! * [`stand`]: a rotor alone, on a hub that does not move.
+//! * [`mod@sweep`]: many points.
 
 pub mod condition;
+pub mod path;
+pub mod power;
 pub mod shooting;
 pub mod solve;
+pub mod stand;
 pub mod sweep;
 
 pub use condition::{FlightCondition, Lateral};
-pub use solve::{ConvergedTrim, Guess, Options, RotorMean, Status, TrimPoint, trim};
-pub use sweep::{Sweep, sweep};
+pub use power::trim_at_power;
+pub use solve::{Branch, ConvergedTrim, Guess, Options, RotorMean, Status, TrimPoint, trim};
+pub use sweep::{Sweep, sweep, trim_at};

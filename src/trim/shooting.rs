@@ -109,6 +109,18 @@ impl<'a> Shooting<'a> {
         Self { steps: 2 * self.steps, last: RefCell::new(None), ..self.clone() }
     }
 
+    /// The same problem at another condition.
+    #[must_use]
+    pub fn towards(&self, condition: FlightCondition) -> Self {
+        Self { condition, last: RefCell::new(None), ..self.clone() }
+    }
+
+    /// The condition.
+    #[must_use]
+    pub fn condition(&self) -> &FlightCondition {
+        &self.condition
+    }
+
     /// Integration method.
     #[must_use]
     pub fn method(&self) -> Method {
@@ -309,7 +321,9 @@ impl<'a> Shooting<'a> {
         put(n + 1, speed);
         match c.lateral {
             Lateral::Sideslip(angle) => {
-                put(n + 2, period.mean[body.velocity + 1] - c.airspeed * angle.sin());
+                // Along the vertical there is no side to slip to.
+                let across = if level > HOVER_SPEED { c.airspeed * angle.sin() } else { 0.0 };
+                put(n + 2, period.mean[body.velocity + 1] - across);
             }
             Lateral::Bank(angle) => put(n + 2, (period.mean[body.roll] - angle) * 10.0),
         }

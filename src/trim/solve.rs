@@ -3,12 +3,13 @@
 
 use crate::numerics::integration::{KUTTA_3_8, Method};
 use crate::numerics::least_squares::{self, IterationReport, Residuals};
-use crate::problem::STICKS;
+use crate::problem::{MassFlow, STICKS};
 use crate::trim::condition::FlightCondition;
 use crate::trim::shooting::{Flown, Shooting};
 use crate::units::{Kind, STANDARD_GRAVITY};
 use crate::vehicle::Vehicle;
 use crate::vehicle::census::Census;
+use crate::vehicle::inflow::FlowState;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
@@ -52,7 +53,7 @@ const STEADY_STEPS: usize = 4;
 const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
 /// what the coarse step is right to.
-const COARSE_TOLERANCE: f64 = 1e-5;
+pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
 /// A Jacobian serves again after a step that cut the residuals to this part:
 /// a new one costs as much as several residuals.
 const CHORD_REDUCTION: f64 = 0.1;
@@ -64,12 +65,6 @@ const CARRIED_REDUCTION: f64 = 0.01;
 const EVEN: usize = 4;
 /// Part of the tolerance that the error of a new step is to have.
 const AIM: f64 = 0.5;
-/// The same for a neighbour, whose error may be larger: too few steps cost a
-/// second solve.
-const AIM_OF_NEIGHBOUR: f64 = 0.35;
-/// A neighbour takes fewer steps only where the error is below this part of the
-/// tolerance: a little below it can be chance.
-const NEEDLESS: f64 = 1.0 / 40.0;
 /// Most that the number of steps changes at once, either way.
 const LARGEST_CHANGE: f64 = 2.0;
 
@@ -131,6 +126,55 @@ impl Status {
     }
 }
 
+/// Which of several solutions of a condition a trim is: see
+/// [`path`](super::path).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Branch {
+    /// It continues level flight: the trim of its condition.
+    LevelFlight,
+    /// It continues level flight round this many folds.
+    Folded {
+        /// Number of folds on the way.
+        folds: usize,
+    },
+    /// No way leads from level flight to the condition, but a solution was
+    /// found from an estimate.
+    Separate {
+        /// The last condition that could be reached from level flight.
+        last: Option<FlightCondition>,
+    },
+    /// No way leads from level flight to the condition, and there is no trim.
+    Ended {
+        /// The last condition that could be reached from level flight.
+        last: Option<FlightCondition>,
+    },
+    /// The solution that a given guess leads to.
+    OfGuess,
+}
+
+impl Branch {
+    /// One word for tables and files.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::LevelFlight => "level_flight",
+            Self::Folded { .. } => "folded",
+            Self::Separate { .. } => "separate",
+            Self::Ended { .. } => "ended",
+            Self::OfGuess => "of_guess",
+        }
+    }
+
+    /// Where the way from level flight ended, if it did.
+    #[must_use]
+    pub fn last(&self) -> Option<FlightCondition> {
+        match self {
+            Self::Separate { last } | Self::Ended { last } => *last,
+            _ => None,
+        }
+    }
+}
+
 /// A residual at the end of a trim.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResidualReport {
@@ -184,6 +228,11 @@ pub struct RotorMean {
     pub inflow: [f64; 3],
     /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
     pub self_inflow: [f64; 3],
+    /// Velocity of the hub over the tip speed: forward, sideways and down the
+    /// shaft, own hub frame.
+    pub advance: [f64; 3],
+    /// State of the flow through the rotor.
+    pub flow: FlowState,
     /// β_1c, β_1s, rad.
     pub flapping: [f64; 2],
     /// θ_0, θ_1c, θ_1s, rad.
@@ -270,6 +319,8 @@ pub struct TrimPoint {
     pub sideslip: f64,
     /// Room to the limits: sticks, then blade pitch of each rotor.
     pub margins: Vec<Margin>,
+    /// How the trim hangs together with level flight.
+    pub branch: Branch,
     /// Iterations, for `--trace`.
     pub history: Vec<IterationReport>,
     /// Jacobian of the scaled residuals with the scaled unknowns, about right
@@ -309,16 +360,10 @@ impl TrimPoint {
     /// The point as a guess for a neighbour.
     #[must_use]
     pub fn guess(&self) -> Guess {
-        let usual = Options::default();
-        let wanted = AIM_OF_NEIGHBOUR * usual.step_tolerance;
-        let advised = advised_steps(self.steps, self.step_error, wanted, self.method);
-        let needless = self.step_error < NEEDLESS * usual.step_tolerance;
-        let least = if needless { usual.steps.min(self.steps) } else { self.steps };
-        let steps = advised.clamp(least, usual.most_steps.max(self.steps));
         Guess {
             state: self.state.clone(),
             sticks: self.sticks,
-            steps: Some(steps),
+            steps: Some(self.steps),
             jacobian: self.jacobian.clone(),
         }
     }
@@ -384,14 +429,15 @@ fn speed_estimate(vehicle: &Vehicle, share: f64) -> Option<f64> {
     (!sticks.is_empty()).then(|| mean.clamp(low, high))
 }
 
-/// Trims a vehicle at a condition from a guess. The step is chosen by its
-/// error test: the solution is found again with half the step until its
-/// estimated error no longer matters. A guess is first brought near the solution
-/// with a coarse step; finer systems start from the coarser one's solution, as
-/// far as its estimated error corrects it, and with its Jacobian.
+/// Trims a vehicle at a condition from a guess: the solution that the guess
+/// leads to. [`trim_at`](super::trim_at) takes no guess and gives the trim
+/// that sweeps give.
 ///
-/// # Panics
-/// Never: the least-squares options are valid by construction.
+/// The step is chosen by its error test: the solution is found again with a
+/// shorter step until its estimated error no longer matters. A guess is first
+/// brought near the solution with a coarse step; finer systems start from the
+/// coarser one's solution, as far as its estimated error corrects it, and with
+/// its Jacobian.
 #[must_use]
 pub fn trim(
     vehicle: &Vehicle,
@@ -399,35 +445,129 @@ pub fn trim(
     guess: &Guess,
     options: &Options,
 ) -> TrimPoint {
-    let options = &Options {
+    let options = &whole_period(vehicle, options);
+    let coarse_steps = COARSE_STEPS * vehicle.passages;
+    let steps = guess.steps.unwrap_or(options.steps).max(STEADY_STEPS);
+    let jacobian = guess.jacobian.clone();
+    let mut start = Start { steps, jacobian, ..Start::at(guess.state.clone(), guess.sticks) };
+    if steps > coarse_steps {
+        let shooting = Shooting::new(vehicle, condition, options.method, coarse_steps);
+        let x = shooting.pack(&guess.state, &guess.sticks);
+        let limits = bounds(vehicle, &shooting);
+        let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
+        if let Ok(solution) =
+            solve(&shooting, &x, guess.jacobian.as_ref(), limits, tolerance, options)
+            && solution.converged()
+        {
+            start = Start { steps, ..Start::from_coarse(&shooting, &solution, options) };
+        }
+    }
+    refine(vehicle, condition, start, options)
+}
+
+/// Options with the steps of a whole period: as many passages as it has, or
+/// few where the dynamics do not vary with azimuth.
+pub(super) fn whole_period(vehicle: &Vehicle, options: &Options) -> Options {
+    Options {
         steps: if vehicle.is_steady() { STEADY_STEPS } else { options.steps * vehicle.passages },
         most_steps: options.most_steps * vehicle.passages,
         ..options.clone()
-    };
-    let coarse_steps = COARSE_STEPS * vehicle.passages;
-    let mut steps = guess.steps.unwrap_or(options.steps).max(STEADY_STEPS);
-    let mut iterations = 0;
-    let mut history = Vec::new();
-    let mut start = (guess.state.clone(), guess.sticks);
-    let mut jacobian = guess.jacobian.clone();
-    // The last coarser solution with its steps, corrected as far as it knew.
-    let mut coarser: Option<(usize, DVector<f64>)> = None;
-    let solve = |shooting: &Shooting<'_>,
-                 start: &(Vec<f64>, [f64; 4]),
-                 jacobian: Option<&DMatrix<f64>>,
-                 tolerance: f64| {
-        let solver = least_squares::Options {
-            bounds: Some(bounds(vehicle, shooting)),
-            // The tolerance is on the norm; the solver looks at the largest.
-            residual_tolerance: tolerance / (shooting.unknowns() as f64).sqrt(),
-            max_iterations: options.max_iterations,
-            chord_reduction: Some(CHORD_REDUCTION),
-            ..least_squares::Options::default()
+    }
+}
+
+/// Steps a period of a coarse solution.
+pub(super) fn coarse_steps(vehicle: &Vehicle) -> usize {
+    if vehicle.is_steady() { STEADY_STEPS } else { COARSE_STEPS * vehicle.passages }
+}
+
+/// Where the finer systems start.
+pub(super) struct Start {
+    state: Vec<f64>,
+    sticks: [f64; 4],
+    jacobian: Option<DMatrix<f64>>,
+    /// The last coarser solution with its steps, corrected as far as it knew.
+    coarser: Option<(usize, DVector<f64>)>,
+    steps: usize,
+    iterations: usize,
+    history: Vec<IterationReport>,
+}
+
+impl Start {
+    fn at(state: Vec<f64>, sticks: [f64; 4]) -> Self {
+        Self {
+            state,
+            sticks,
+            jacobian: None,
+            coarser: None,
+            steps: 0,
+            iterations: 0,
+            history: Vec::new(),
+        }
+    }
+
+    /// From the solution of a coarse system, corrected as far as its error is
+    /// known, with the steps that this error advises.
+    pub(super) fn from_coarse(
+        shooting: &Shooting<'_>,
+        solution: &least_squares::Solution,
+        options: &Options,
+    ) -> Self {
+        let flown = shooting.flown(&solution.x);
+        let shift = shooting
+            .estimated_change(&flown)
+            .and_then(|change| newton_step(shooting, solution, &change));
+        let (x, coarser) = match shift {
+            Some(shift) => {
+                let corrected = &solution.x + shift;
+                // The same number of steps would tell nothing of their error.
+                let coarser = shooting.steps() < options.steps;
+                (corrected.clone(), coarser.then_some((shooting.steps(), corrected)))
+            }
+            None => (solution.x.clone(), None),
         };
-        let x = shooting.pack(&start.0, &start.1);
-        let solution = least_squares::solve_with(shooting, &x, jacobian, &solver, None);
-        solution.map_err(|error| (x, error))
+        let (state, sticks) = shooting.unpack(&x);
+        Self {
+            jacobian: carried(solution),
+            coarser,
+            steps: options.steps,
+            iterations: solution.iterations,
+            history: solution.history.clone(),
+            ..Self::at(state, sticks)
+        }
+    }
+}
+
+/// A bounded solve of one system down to a norm of its residuals.
+pub(super) fn solve(
+    shooting: &Shooting<'_>,
+    x: &DVector<f64>,
+    jacobian: Option<&DMatrix<f64>>,
+    bounds: Vec<[f64; 2]>,
+    tolerance: f64,
+    options: &Options,
+) -> Result<least_squares::Solution, least_squares::OptionsError> {
+    let solver = least_squares::Options {
+        bounds: Some(bounds),
+        // The tolerance is on the norm; the solver looks at the largest.
+        residual_tolerance: tolerance / (shooting.unknowns() as f64).sqrt(),
+        max_iterations: options.max_iterations,
+        chord_reduction: Some(CHORD_REDUCTION),
+        ..least_squares::Options::default()
     };
+    least_squares::solve_with(shooting, x, jacobian, &solver, None)
+}
+
+/// Solves with shorter and shorter steps, from a start, until the error of the
+/// step no longer matters.
+pub(super) fn refine(
+    vehicle: &Vehicle,
+    condition: FlightCondition,
+    from: Start,
+    options: &Options,
+) -> TrimPoint {
+    let Start { state, sticks, mut jacobian, mut coarser, mut steps, mut iterations, mut history } =
+        from;
+    let mut start = (state, sticks);
     let refined = |steps: usize, error: f64, finer: usize| {
         tracing::debug!(
             rotorcraft = vehicle.name,
@@ -438,27 +578,6 @@ pub fn trim(
             "trim: the step is refined"
         );
     };
-    if steps > coarse_steps {
-        let shooting = Shooting::new(vehicle, condition, options.method, coarse_steps);
-        let tolerance = options.residual_tolerance.max(COARSE_TOLERANCE);
-        if let Ok(solution) = solve(&shooting, &start, jacobian.as_ref(), tolerance)
-            && solution.converged()
-        {
-            iterations += solution.iterations;
-            history.extend(solution.history.iter().cloned());
-            let flown = shooting.flown(&solution.x);
-            if let Some(change) = shooting.estimated_change(&flown)
-                && let Some(shift) = newton_step(&shooting, &solution, &change)
-            {
-                let corrected = &solution.x + shift;
-                start = shooting.unpack(&corrected);
-                coarser = Some((coarse_steps, corrected));
-            } else {
-                start = shooting.unpack(&solution.x);
-            }
-            jacobian = carried(&solution);
-        }
-    }
     loop {
         let shooting = Shooting::new(vehicle, condition, options.method, steps);
         if let Some((error, corrected)) = foreseen(&shooting, &start, &mut jacobian)
@@ -472,10 +591,12 @@ pub fn trim(
             steps = finer;
             continue;
         }
-        let solution = solve(&shooting, &start, jacobian.as_ref(), options.residual_tolerance);
-        let solution = match solution {
+        let x = shooting.pack(&start.0, &start.1);
+        let limits = bounds(vehicle, &shooting);
+        let tolerance = options.residual_tolerance;
+        let solution = match solve(&shooting, &x, jacobian.as_ref(), limits, tolerance, options) {
             Ok(solution) => solution,
-            Err((x, error)) => {
+            Err(error) => {
                 let failed = Status::Failed {
                     equations: Vec::new(),
                     binding: Vec::new(),
@@ -584,7 +705,7 @@ fn foreseen(
 }
 
 /// The Jacobian of a solve that is good enough for a similar system.
-fn carried(solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
+pub(super) fn carried(solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
     let reduction = match solution.history.as_slice() {
         [.., before, last] if !last.fresh_jacobian => last.residual_max / before.residual_max,
         _ => 0.0,
@@ -639,7 +760,7 @@ fn newton_step(
 }
 
 /// The same with a Jacobian; `None` where that is singular.
-fn newton(jacobian: &DMatrix<f64>, change: &DVector<f64>) -> Option<DVector<f64>> {
+pub(super) fn newton(jacobian: &DMatrix<f64>, change: &DVector<f64>) -> Option<DVector<f64>> {
     let shift = jacobian.clone().lu().solve(&-change)?;
     shift.iter().all(|value| value.is_finite()).then_some(shift)
 }
@@ -652,7 +773,7 @@ fn relative_size(change: &DVector<f64>, x: &DVector<f64>) -> f64 {
 
 /// Bounds of the scaled unknowns: stick limits, and attitudes short of the
 /// Euler angles' singularity.
-fn bounds(vehicle: &Vehicle, shooting: &Shooting<'_>) -> Vec<[f64; 2]> {
+pub(super) fn bounds(vehicle: &Vehicle, shooting: &Shooting<'_>) -> Vec<[f64; 2]> {
     let body = crate::vehicle::Layout::BODY;
     let count = shooting.unknowns();
     let mut bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; count];
@@ -762,6 +883,7 @@ fn report(
             mean.census.merge(&now.census);
             add3(&mut mean.inflow, &now.inflow);
             add3(&mut mean.self_inflow, &now.self_inflow);
+            add3(&mut mean.advance, &now.advance);
             add3(&mut mean.pitch, &now.pitch);
             add3(&mut mean.force_hub, &now.force_hub);
             add3(&mut mean.moment_hub, &now.moment_hub);
@@ -783,6 +905,12 @@ fn report(
     for (index, (mean, rotor)) in rotors.iter_mut().zip(&vehicle.rotors).enumerate() {
         mean.thrust_coefficient = mean.thrust / rotor.force_scale();
         mean.power_coefficient = mean.power / (rotor.force_scale() * rotor.tip_speed());
+        let [forward, sideways, down] = mean.advance;
+        let uniform = match vehicle.inflow.mass_flow {
+            MassFlow::SelfInduced => mean.self_inflow[0],
+            MassFlow::Total => mean.inflow[0],
+        };
+        mean.flow = FlowState::of(forward.hypot(sideways), down, uniform);
         let solidity = rotor.solidity();
         if solidity > 0.0 {
             mean.blade_loading = mean.thrust_coefficient / solidity;
@@ -838,6 +966,7 @@ fn report(
         power,
         sideslip,
         margins,
+        branch: Branch::OfGuess,
         history: Vec::new(),
         jacobian: None,
     }
@@ -873,7 +1002,7 @@ fn margins(vehicle: &Vehicle, sticks: &[f64; 4], rotors: &[RotorMean]) -> Vec<Ma
 impl crate::vehicle::rotor::Rotor {
     /// Collective at the root, rad, for a thrust coefficient and an inflow:
     /// blade-element theory with a lift slope of 2π less losses.
-    fn collective_estimate(&self, c_t: f64, lambda: f64) -> f64 {
+    pub(super) fn collective_estimate(&self, c_t: f64, lambda: f64) -> f64 {
         const LIFT_SLOPE: f64 = 5.73;
         6.0 * c_t / (self.solidity() * LIFT_SLOPE) + 1.5 * lambda - self.twist_at(0.75)
     }

@@ -18,6 +18,23 @@
 //! * circulation of the wake, from ℓ = L⁻¹ λ_s and μ⊥ the advance ratio turned
 //!   a quarter to the advancing side: Γ_0 = (ℓ_0 − 3 μ⊥·**ℓ**)/(V_T(1 − 1.5 μ²)),
 //!   **Γ** = 3**ℓ**/V_T − 1.5 μ⊥ Γ_0.
+//!
+//! # Descent
+//! Momentum theory has no answer where the air that the rotor moves meets the
+//! flow: in axial descent between hover and twice the induced velocity. There
+//! V_T grows by a measured amount. With q = μ_z/λ, the rate of descent over the
+//! induced velocity, V_T² = μ² + n² + λ² e(q) w(μ²/λ²). In axial flight that
+//! makes of C_T = 2 λ V_T any relation of induced velocity and rate of descent:
+//! e follows the fit v_i/v_h = 1 − 1.125x − 1.372x² − 1.718x³ − 0.655x⁴,
+//! x = −V_d/v_h, of J. G. Leishman (Principles of Helicopter Aerodynamics) to
+//! the measurements of W. Castles and R. B. Gray (NACA TN 2474, 1951), scaled
+//! to momentum theory in hover. It rises from zero at q = 0.03, just off level
+//! flight, and falls to zero in the windmill-brake state, q = 2.31; between the
+//! end of the fit and there it is as smooth as it can be while every thrust
+//! has but one induced velocity. w fades it out up to μ = λ: with that much
+//! edgewise flow momentum theory holds.
+//!
+//! V_m is ∂(λV_T)/∂λ, as it is in level flight.
 
 use crate::numerics::scalar::{Local, Scalar};
 use crate::problem::MassFlow;
@@ -35,6 +52,119 @@ const FLOW_ROUNDING: f64 = 1e-6;
 /// Smallest V_T: below it there is no momentum theory (a rotor without thrust
 /// in still air).
 const SMALLEST_MASS_FLOW: f64 = 1e-6;
+
+/// Where e(q) begins, and the distance of its knots.
+const DESCENT: [f64; 2] = [0.03, 0.12];
+/// Coefficients of e(q): uniform cubic B-splines, the first from the first knot
+/// on. Least squares to the fit up to q = 1.2, least bending beyond.
+const EXCESS: [f64; 16] = [
+    -0.2603, -0.1014, -0.132, -0.0837, -0.0045, 0.0568, 0.101, 0.1254, 0.1363, 0.1379, 0.1321,
+    0.1199, 0.1023, 0.0805, 0.0554, 0.0282,
+];
+/// From this q on a descent is in the vortex-ring state: x ≈ −0.4.
+const VORTEX_RING_FROM: f64 = 0.3;
+
+/// State of the flow through a rotor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FlowState {
+    /// The wake leaves downward: hover, climb, slow descent, forward flight.
+    #[default]
+    Normal,
+    /// The flow meets the wake at the disk: thrust and inflow are unsteady, and
+    /// what is computed is a measured mean.
+    VortexRing,
+    /// The flow passes upward, slower than the wake would: as above.
+    TurbulentWake,
+    /// The flow passes upward and drives the rotor.
+    Windmill,
+}
+
+impl FlowState {
+    /// From mean ratios to the tip speed: edgewise and axial speed of the hub
+    /// (positive in descent), and uniform inflow λ. The limits are those of the
+    /// textbook, V + v = 0 and V + 2v = 0, and hold up to an edgewise speed of
+    /// the hover value of the induced velocity.
+    #[must_use]
+    pub fn of(edgewise: f64, descent: f64, inflow: f64) -> Self {
+        let q = descent / inflow;
+        if !q.is_finite() || q < VORTEX_RING_FROM {
+            return Self::Normal;
+        }
+        let (e, _) = excess(q);
+        let v_t = (edgewise * edgewise + (inflow - descent).powi(2) + inflow * inflow * e.max(0.0))
+            .sqrt();
+        let steep = edgewise < (inflow.abs() * v_t).sqrt();
+        match (steep, q) {
+            (true, q) if q < 1.0 => Self::VortexRing,
+            (true, q) if q < 2.0 => Self::TurbulentWake,
+            (_, q) if q < 1.0 => Self::Normal,
+            _ => Self::Windmill,
+        }
+    }
+
+    /// One word for tables and files.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::VortexRing => "vortex_ring",
+            Self::TurbulentWake => "turbulent_wake",
+            Self::Windmill => "windmill",
+        }
+    }
+}
+
+/// e(q) and its derivative.
+#[inline(always)]
+fn excess<T: Scalar>(q: T) -> (T, T) {
+    let [first, distance] = DESCENT;
+    let place = (q - first) * (1.0 / distance);
+    let interval = place.value().floor();
+    let t = place + -interval;
+    let u = t * -1.0 + 1.0;
+    let (t2, u2) = (t * t, u * u);
+    // The four splines on an interval, that which began first first, and their
+    // derivatives.
+    let values = [
+        u2 * u * (1.0 / 6.0),
+        (t2 * t * 3.0 - t2 * 6.0 + 4.0) * (1.0 / 6.0),
+        (u2 * u * 3.0 - u2 * 6.0 + 4.0) * (1.0 / 6.0),
+        t2 * t * (1.0 / 6.0),
+    ];
+    let slopes = [u2 * -0.5, t2 * 1.5 - t * 2.0, u * 2.0 - u2 * 1.5, t2 * 0.5];
+    let [mut e, mut slope] = [T::default(); 2];
+    for k in 0..4 {
+        let index = interval as isize - 3 + k as isize;
+        if let Some(&c) = usize::try_from(index).ok().and_then(|index| EXCESS.get(index)) {
+            e += values[k] * c;
+            slope += slopes[k] * (c / distance);
+        }
+    }
+    (e, slope)
+}
+
+/// What descent adds to V_T², and half the derivative of that with λ; none
+/// where momentum theory stands alone.
+#[inline(always)]
+fn descent_excess<T: Scalar>(mu2: T, descent: T, inflow: T) -> Option<(T, T)> {
+    let [first, distance] = DESCENT;
+    let last = first + distance * (EXCESS.len() + 3) as f64;
+    let (v, l) = (descent.value(), inflow.value());
+    let inside = v * l > first * l * l && v * l < last * l * l && mu2.value() < l * l;
+    if !inside {
+        return None;
+    }
+    let one = T::constant(1.0);
+    let q = descent / inflow;
+    let square = inflow * inflow;
+    let m = mu2 / square;
+    let (e, e_q) = excess(q);
+    let rest = one - m;
+    let fade = rest * rest * rest;
+    let fade_m = rest * rest * -3.0;
+    let half = (e * 2.0 - q * e_q) * fade - m * e * fade_m * 2.0;
+    Some((square * e * fade, inflow * half * 0.5))
+}
 
 /// What the inflow of a rotor does: the load that balances it, the wake's
 /// circulation, and the skew of the wake.
@@ -65,8 +195,16 @@ impl Local<7, 8> for WakeOf {
         let n = uniform - mz;
         let mu2 = mc * mc + ms * ms;
         let floor = SMALLEST_MASS_FLOW * SMALLEST_MASS_FLOW;
-        let v_t = (mu2 + n * n + floor).sqrt();
-        let v_m = v_t + n * uniform / v_t;
+        let (v_t, v_m) = match descent_excess(mu2, mz, uniform) {
+            None => {
+                let v_t = (mu2 + n * n + floor).sqrt();
+                (v_t, v_t + n * uniform / v_t)
+            }
+            Some((added, half_slope)) => {
+                let v_t = (mu2 + n * n + added + floor).sqrt();
+                (v_t, v_t + (n + half_slope) * uniform / v_t)
+            }
+        };
         let reach = v_t + (n * n + FLOW_ROUNDING * FLOW_ROUNDING).sqrt();
         let (xc, xs) = (mc / reach, ms / reach);
         let x2 = xc * xc + xs * xs;
@@ -95,10 +233,140 @@ impl Local<7, 8> for WakeOf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numerics::scalar::Dual;
     use approx::assert_relative_eq;
 
     fn wake(input: [f64; 7]) -> [f64; 8] {
         WakeOf { mass_flow: MassFlow::SelfInduced }.evaluate(&input)
+    }
+
+    /// Induced velocity of steady axial flight over that of hover, at a rate of
+    /// climb over it, by bisection of the balance C_T = B(λ).
+    fn axial(climb: f64) -> f64 {
+        let hover = 0.04_f64;
+        let thrust = 2.0 * hover * hover;
+        let balance = |l: f64| wake([0.0, 0.0, -climb * hover, l, 0.0, 0.0, l])[0] - thrust;
+        let (mut low, mut high) = (1e-6, 10.0 * hover);
+        assert!(balance(low) < 0.0 && balance(high) > 0.0, "{climb}");
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if balance(middle) < 0.0 { low = middle } else { high = middle }
+        }
+        low / hover
+    }
+
+    /// Leishman's fit to Castles and Gray's measurements, scaled to momentum
+    /// theory in hover, within 5 % from hover to where it turns into the
+    /// windmill-brake state, and momentum theory beyond and in climb.
+    #[test]
+    fn val_descent_follows_castles_and_gray() {
+        for k in 1..=185 {
+            let x = -0.01 * f64::from(k);
+            let fit = 1.0 - 1.125 * x - 1.372 * x * x - 1.718 * x.powi(3) - 0.655 * x.powi(4);
+            let ours = axial(x);
+            let most = if x > -0.25 { 0.05 } else { 0.025 };
+            assert!((ours / fit - 1.0).abs() < most, "{x}: {ours} for {fit}");
+        }
+        for x in [-2.3, -3.0, -5.0] {
+            let windmill = -0.5 * x - (0.25 * x * x - 1.0_f64).sqrt();
+            assert_relative_eq!(axial(x), windmill, max_relative = 2e-3);
+        }
+        for x in [0.0, 0.5, 2.0] {
+            let climb = -0.5 * x + (0.25 * x * x + 1.0_f64).sqrt();
+            assert_relative_eq!(axial(x), climb, max_relative = 1e-6);
+        }
+    }
+
+    /// Every thrust has one induced velocity, whatever the descent and the
+    /// edgewise flow: the balance rises with the inflow.
+    #[test]
+    fn one_inflow_for_every_thrust() {
+        for m in 0..=24 {
+            let mu = 0.002 * f64::from(m);
+            for v in -20..=120 {
+                let mz = 0.001 * f64::from(v);
+                let mut before = f64::NEG_INFINITY;
+                for l in 1..=400 {
+                    let lambda = 3e-4 * f64::from(l);
+                    // Past the windmill's momentum theory flow no longer turns.
+                    if mz > 2.0 * lambda {
+                        continue;
+                    }
+                    let now = wake([mu, 0.0, mz, lambda, 0.0, 0.0, lambda])[0];
+                    assert!(now > before, "mu {mu}, descent {mz}, inflow {lambda}");
+                    before = now;
+                }
+            }
+        }
+    }
+
+    /// V_T and V_m are smooth where the correction begins and ends, and nothing
+    /// changes at or above level flight.
+    #[test]
+    fn descent_joins_smoothly_and_leaves_level_flight_alone() {
+        let lambda = 0.03;
+        let at = |q: f64, mu: f64| wake([mu, 0.0, q * lambda, lambda, 0.004, 0.0, lambda]);
+        for edge in [DESCENT[0], DESCENT[0] + DESCENT[1] * (EXCESS.len() + 3) as f64] {
+            for k in [0, 1, 3] {
+                let step = 1e-4;
+                let slope =
+                    |q: f64| (at(q + step, 0.005)[k] - at(q - step, 0.005)[k]) / (2.0 * step);
+                let (below, above) = (slope(edge - 2.0 * step), slope(edge + 2.0 * step));
+                assert!((below - above).abs() < 1e-2 * above.abs().max(1e-3), "{edge} {k}");
+            }
+        }
+        for q in [-3.0, -0.2, 0.0, 0.03] {
+            for mu in [0.0, 0.02, 0.2] {
+                assert!(descent_excess(mu * mu, q * lambda, lambda).is_none());
+            }
+        }
+        for mu in [0.0301, 0.2] {
+            assert!(descent_excess(mu * mu, lambda, lambda).is_none());
+        }
+    }
+
+    /// The correction's tangents are its derivatives.
+    #[test]
+    fn descent_tangents_are_derivatives() {
+        let of = WakeOf { mass_flow: MassFlow::SelfInduced };
+        for (mu, mz) in [(0.004, 0.012), (0.01, 0.03), (0.0, 0.055)] {
+            let at = [mu, 0.3 * mu, mz, 0.03, 0.003, -0.002, 0.03];
+            let mut dual = [Dual::<7>::default(); 7];
+            for (k, variable) in dual.iter_mut().enumerate() {
+                *variable = Dual::variable(at[k], k);
+            }
+            let exact = of.evaluate(&dual);
+            for k in 0..7 {
+                let step = 1e-6;
+                let side = |by: f64| {
+                    let mut moved = at;
+                    moved[k] += by;
+                    of.evaluate(&moved)
+                };
+                let (up, down) = (side(step), side(-step));
+                for row in 0..8 {
+                    let difference = (up[row] - down[row]) / (2.0 * step);
+                    let error = (exact[row].d[k] - difference).abs();
+                    assert!(error < 1e-4 * difference.abs().max(0.1), "{mu} {mz} {row} {k}");
+                }
+            }
+        }
+    }
+
+    /// The states of the textbook.
+    #[test]
+    fn states_of_the_flow() {
+        for (edgewise, descent, state) in [
+            (0.0, -0.02, FlowState::Normal),
+            (0.0, 0.0, FlowState::Normal),
+            (0.0, 0.02, FlowState::VortexRing),
+            (0.0, 0.04, FlowState::TurbulentWake),
+            (0.0, 0.08, FlowState::Windmill),
+            (0.1, 0.02, FlowState::Normal),
+            (0.1, 0.04, FlowState::Windmill),
+        ] {
+            assert_eq!(FlowState::of(edgewise, descent, 0.03), state, "{edgewise} {descent}");
+        }
     }
 
     /// Momentum theory in hover: λ = √(C_T/2), Γ_0 = 2λ.

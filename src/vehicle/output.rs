@@ -20,6 +20,9 @@ pub struct RotorOutput {
     pub inflow: [f64; 3],
     /// Self-induced inflow λ_s0, λ_s1c, λ_s1s.
     pub self_inflow: [f64; 3],
+    /// Velocity of the hub through the air over the tip speed: forward,
+    /// sideways and down the shaft, own hub frame.
+    pub advance: [f64; 3],
     /// β_1c, β_1s, rad.
     pub flapping: [f64; 2],
     /// θ_0, θ_1c, θ_1s, rad.
@@ -125,6 +128,7 @@ impl Vehicle {
                     power: moment_hub[2] * shaft.speed,
                     inflow: work.inflow[index],
                     self_inflow: three(state, places.self_inflow),
+                    advance: work.hub[index][0].0.map(|v| v / rotor.tip_speed()),
                     flapping,
                     pitch,
                     force_hub,

@@ -12,7 +12,7 @@ use coaxdesign::report::table::{Cell, Column, Digits, Table};
 use coaxdesign::simulate::flight::Autopilot;
 use coaxdesign::simulate::metrics::Meter;
 use coaxdesign::simulate::{self, Flight, maneuver};
-use coaxdesign::trim::{self, Guess};
+use coaxdesign::trim;
 use coaxdesign::units::KNOT;
 use coaxdesign::validation::{Bound, Claim};
 use coaxdesign::vehicle::Vehicle;
@@ -124,8 +124,7 @@ fn flight(problem: &Problem, law: &LawTable, spec: &Specification) -> Result<Str
         problem.inflow.interactions = interactions;
         let vehicle = Vehicle::new(&problem)?;
         let condition = maneuver.start.condition;
-        let guess = Guess::estimate(&vehicle, &condition);
-        let start = trim::trim(&vehicle, condition, &guess, &trim::Options::default())
+        let start = trim::trim_at(&vehicle, condition, &trim::Options::default())
             .into_converged()
             .map_err(|point| fault(format!("no trim to start from: {:?}", point.status)))?;
         let autopilot =

@@ -270,70 +270,72 @@ impl ChannelProblem<'_> {
                 program.add_linear(i, v);
             }
         }
-        self.bounds(&mut program, x, &scale, trust);
-        self.smoothing(&mut program, x, &scale);
+        let smooth = self.smoothness_scales(x);
+        for v in 0..speeds {
+            self.bounds(&mut program, v, &x[v], &scale[v], trust);
+            if v + 1 < speeds && self.options.smoothing > 0.0 {
+                self.smoothing(&mut program, v, x, &scale, &smooth);
+            }
+        }
         Step { base: program, half_spaces, cones, scale }
     }
 
-    /// Bounds on the gains and their ratios, the trust region, and the prices of
-    /// the slacks.
-    fn bounds(&self, program: &mut Program, x: &[Vec<f64>], scale: &[Vec<f64>], trust: f64) {
+    /// Bounds on the gains of a speed and their ratio, the trust region, and the
+    /// prices of the slacks.
+    fn bounds(&self, program: &mut Program, v: usize, x: &[f64], scale: &[f64], trust: f64) {
         let (speeds, gains) = (self.speeds.len(), self.gain_count());
-        let slack0 = speeds * gains;
+        let (first, slack) = (v * gains, speeds * gains + v * KINDS);
         let [p, i] = self.ratio_places();
         let [low, high] = self.spec.integral_ratio;
-        for v in 0..speeds {
-            let first = v * gains;
-            // K_I ≥ low K_P and K_I ≤ high K_P, elastic only in the merit.
-            for (sign, ratio) in [(1.0, low), (-1.0, high)] {
-                if !ratio.is_finite() || ratio <= 0.0 {
-                    continue;
-                }
-                let value = sign * (x[v][i] - ratio * x[v][p]);
-                // A start outside must be able to come in within one region.
-                let reach = trust * (scale[v][i] + ratio * scale[v][p]);
-                let constant = if value < 0.0 { (-0.5 * reach).max(value) } else { value };
-                program.require_nonnegative(AffineRow::new(
-                    constant,
-                    vec![(first + i, sign * scale[v][i]), (first + p, -sign * ratio * scale[v][p])],
-                ));
+        // K_I ≥ low K_P and K_I ≤ high K_P, elastic only in the merit.
+        for (sign, ratio) in [(1.0, low), (-1.0, high)] {
+            if !ratio.is_finite() || ratio <= 0.0 {
+                continue;
             }
-            for g in 0..gains {
-                // Gains stay positive.
-                let down = trust.min(x[v][g] / scale[v][g]);
-                program.require_nonnegative(AffineRow::new(down, vec![(first + g, 1.0)]));
-                program.require_nonnegative(AffineRow::new(trust, vec![(first + g, -1.0)]));
-                // A little curvature where activity has none.
-                program.add_quadratic(first + g, first + g, 1e-6);
-            }
-            for (k, kind) in Requirement::ALL.into_iter().enumerate() {
-                let s = slack0 + v * KINDS + k;
-                program.require_nonnegative(AffineRow::new(0.0, vec![(s, 1.0)]));
-                program.add_linear(s, self.price(kind) / speeds as f64);
-            }
+            let value = sign * (x[i] - ratio * x[p]);
+            // A start outside must be able to come in within one region.
+            let reach = trust * (scale[i] + ratio * scale[p]);
+            let constant = if value < 0.0 { (-0.5 * reach).max(value) } else { value };
+            program.require_nonnegative(AffineRow::new(
+                constant,
+                vec![(first + i, sign * scale[i]), (first + p, -sign * ratio * scale[p])],
+            ));
+        }
+        for g in 0..gains {
+            // Gains stay positive.
+            let down = trust.min(x[g] / scale[g]);
+            program.require_nonnegative(AffineRow::new(down, vec![(first + g, 1.0)]));
+            program.require_nonnegative(AffineRow::new(trust, vec![(first + g, -1.0)]));
+            // A little curvature where activity has none.
+            program.add_quadratic(first + g, first + g, 1e-6);
+        }
+        for (k, kind) in Requirement::ALL.into_iter().enumerate() {
+            program.require_nonnegative(AffineRow::new(0.0, vec![(slack + k, 1.0)]));
+            program.add_linear(slack + k, self.price(kind) / speeds as f64);
         }
     }
 
-    /// The cost of differences between neighbouring speeds.
-    fn smoothing(&self, program: &mut Program, x: &[Vec<f64>], scale: &[Vec<f64>]) {
-        if self.options.smoothing <= 0.0 {
-            return;
-        }
+    /// The cost of the difference between a speed and the next.
+    fn smoothing(
+        &self,
+        program: &mut Program,
+        v: usize,
+        x: &[Vec<f64>],
+        scale: &[Vec<f64>],
+        smooth: &[f64],
+    ) {
         let gains = self.gain_count();
-        let smooth = self.smoothness_scales(x);
-        for v in 0..self.speeds.len().saturating_sub(1) {
-            let weight = self.options.smoothing / self.speed_gap(v);
-            for g in 0..gains {
-                // ((x₁ + s₁d₁) − (x₀ + s₀d₀))² / scale².
-                let (a, b) = (scale[v][g] / smooth[g], scale[v + 1][g] / smooth[g]);
-                let c = (x[v + 1][g] - x[v][g]) / smooth[g];
-                let (i0, i1) = (v * gains + g, (v + 1) * gains + g);
-                program.add_quadratic(i0, i0, weight * a * a);
-                program.add_quadratic(i1, i1, weight * b * b);
-                program.add_quadratic(i0, i1, -2.0 * weight * a * b);
-                program.add_linear(i0, -2.0 * weight * c * a);
-                program.add_linear(i1, 2.0 * weight * c * b);
-            }
+        let weight = self.options.smoothing / self.speed_gap(v);
+        for g in 0..gains {
+            // ((x₁ + s₁d₁) − (x₀ + s₀d₀))² / scale².
+            let (a, b) = (scale[v][g] / smooth[g], scale[v + 1][g] / smooth[g]);
+            let c = (x[v + 1][g] - x[v][g]) / smooth[g];
+            let (i0, i1) = (v * gains + g, (v + 1) * gains + g);
+            program.add_quadratic(i0, i0, weight * a * a);
+            program.add_quadratic(i1, i1, weight * b * b);
+            program.add_quadratic(i0, i1, -2.0 * weight * a * b);
+            program.add_linear(i0, -2.0 * weight * c * a);
+            program.add_linear(i1, 2.0 * weight * c * b);
         }
     }
 }
