@@ -62,10 +62,10 @@ fn blade_loading_is_thrust_over_blade_area() {
 /// the retreating side in forward flight.
 #[test]
 fn narrow_blades_stall_on_the_retreating_side() {
-    let (_, wide) = trimmed(COAX, 40.0);
-    let narrow = COAX.replace("chord = \"0.72 ft\"", "chord = \"0.3 ft\"");
+    let (_, wide) = trimmed(COAX, 60.0);
+    let narrow = COAX.replace("chord = \"0.72 ft\"", "chord = \"0.24 ft\"");
     assert_ne!(narrow, COAX, "the chord stands in the file");
-    let (_, narrow) = trimmed(&narrow, 40.0);
+    let (_, narrow) = trimmed(&narrow, 60.0);
     for (wide, narrow) in wide.rotors.iter().zip(&narrow.rotors) {
         assert!(narrow.blade_loading > 1.5 * wide.blade_loading);
         assert!(narrow.census.severity > wide.census.severity);
