@@ -19,6 +19,7 @@ use coaxdesign::control::plant::Inversion;
 use coaxdesign::control::testbed;
 use coaxdesign::control::tuning::{default_grid, start_gains};
 use coaxdesign::export::{Format, Options, Precision, export};
+use coaxdesign::law::mdi::{Notch, Notches};
 use coaxdesign::law::{Diagram, LinearLaw, Program};
 use coaxdesign::schedule::{Provenance, Schedule, hash};
 use nalgebra::{DMatrix, Matrix4};
@@ -28,7 +29,7 @@ const LIMITS: [[f64; 2]; 4] = [[-1e6, 1e6]; 4];
 /// Measurements and demands but for the mode.
 const INPUTS: usize = 13;
 
-/// A law over speed of the published matrices.
+/// A law over speed of the published matrices, with a notch filter in pitch.
 fn table() -> LawTable {
     let settings = LawSettings {
         kappa: 0.25,
@@ -39,7 +40,10 @@ fn table() -> LawTable {
         attitude_damping: 0.8,
         yaw_time_constant: 0.5,
         heave_time_constant: 2.0,
-        notch: Default::default(),
+        notch: Notches {
+            pitch: Some(Notch { frequency: 12.0, damping: 0.4, depth: 0.1 }),
+            ..Notches::default()
+        },
     };
     let points = [0.0, 10.0, 20.0, 30.0, 40.0]
         .map(|speed| {

@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::error::color;
+use super::models::PointArgs;
 use super::output;
 use super::{CliError, Outcome};
 use coaxdesign::lti::mapping::Mapping;
-use coaxdesign::lti::{self, LtiSet};
+use coaxdesign::lti::stitch::Stitched;
+use coaxdesign::lti::{self, LtiSet, PointModel};
+use coaxdesign::pipeline::PipelineError;
 use coaxdesign::pipeline::directory::DesignInputs;
 use coaxdesign::problem::{self, Loaded};
-use coaxdesign::units::System;
+use coaxdesign::units::{KNOT, Kind, System, parse_quantity};
 
 /// The problem to work on.
 #[derive(Debug, Clone, Args)]
@@ -118,6 +121,52 @@ impl ModelsArgs {
             }
         }
         Ok(Some(set))
+    }
+
+    /// The set and its model at the speed of a point; between the models of the
+    /// set that of the stitched model. `None` without `--models`.
+    ///
+    /// # Errors
+    /// As [`ModelsArgs::load`], a speed outside the set, or flight that is not
+    /// level.
+    pub fn point(
+        &self,
+        problem: &ProblemArgs,
+        spec: Option<&Path>,
+        point: &PointArgs,
+        quiet: bool,
+    ) -> Result<Option<(LtiSet, PointModel)>, CliError> {
+        if self.models.is_none() {
+            return Ok(None);
+        }
+        let mapping = match spec {
+            Some(path) => coaxdesign::control::spec::load(path)?.models_from,
+            None => Mapping::default(),
+        };
+        let Some(set) = self.load(problem, &mapping, "", quiet)? else { return Ok(None) };
+        let usage = |message: String, help: &str| CliError::Usage { message, help: help.into() };
+        let speed = parse_quantity(&point.speed, Kind::Airspeed).map_err(|error| {
+            usage(format!("--speed {:?}: {error}", point.speed), "write --speed \"45 kt\"")
+        })?;
+        if let Some(own) = set.at(speed) {
+            let own = own.clone();
+            return Ok(Some((set, own)));
+        }
+        let speeds = set.speeds();
+        let (low, high) = (speeds[0], speeds[speeds.len() - 1]);
+        if !(low..=high).contains(&speed) {
+            let list: Vec<String> = speeds.iter().map(|v| format!("{:.0}", v / KNOT)).collect();
+            let message = format!(
+                "--speed {:?}: the set has models from {:.0} to {:.0} kt",
+                point.speed,
+                low / KNOT,
+                high / KNOT
+            );
+            return Err(usage(message, &format!("its speeds are {} kt", list.join(", "))));
+        }
+        let stitched = Stitched::new(&set, mapping.inertia).map_err(PipelineError::from)?;
+        let between = stitched.at(speed).map_err(PipelineError::from)?;
+        Ok(Some((set, between)))
     }
 }
 

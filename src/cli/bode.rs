@@ -6,7 +6,7 @@ use clap::Args;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::models::{Choice, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
@@ -29,6 +29,11 @@ const TABLE_ROWS: usize = 25;
 pub struct Bode {
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
+    /// Specification whose [models_from] maps the names and units of the set
+    #[arg(long, value_name = "SPEC", requires = "models")]
+    spec: Option<PathBuf>,
     #[command(flatten)]
     point: PointArgs,
     /// Rotor-on-rotor interactions
@@ -114,6 +119,25 @@ impl Bode {
             self.output.check_plot(path)?;
         }
         self.run.start()?;
+        if let Some((set, point)) =
+            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        {
+            let m = &point.model;
+            // Every state may be looked at.
+            let model = StateSpace::with_state_outputs(
+                m.states().to_vec(),
+                m.inputs().to_vec(),
+                m.a().clone(),
+                m.b().clone(),
+            )?;
+            let entries = vec![Entry {
+                interactions: false,
+                reduced: false,
+                label: point.label.clone(),
+                model,
+            }];
+            return self.show(&set.name, point.speed, &entries);
+        }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let condition = self.point.condition(&mut loaded.problem)?;
         let problem = &loaded.problem;
@@ -156,6 +180,11 @@ impl Bode {
                 entries.push(entry(true, reduced.model));
             }
         }
+        self.show(&problem.name, condition.horizontal_speed(), &entries)
+    }
+
+    /// Responses of the models asked for, at a speed, m/s.
+    fn show(&self, name: &str, speed: f64, entries: &[Entry]) -> Result<Outcome, CliError> {
         let (from, to) = self.omega;
         let omega = log_grid(from, to, self.points as usize)?;
         let system = self.units.system();
@@ -182,19 +211,15 @@ impl Bode {
                 })
             })
             .collect::<Result<_, LinearError>>()?;
-        let speed = condition.horizontal_speed();
-        let title =
-            format!("{}: {} at {}", problem.name, self.model.label(), speed_text(speed, system));
+        let title = format!("{name}: {} at {}", self.model.label(), speed_text(speed, system));
         if let Some(path) = &self.plot {
-            let svg = figure(&title, &entries, &pairs).to_svg();
+            let svg = figure(&title, entries, &pairs).to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         let text = match self.format.of(&self.output)? {
             Format::Table => tables(&title, &pairs),
-            Format::Csv => csv(&entries, &pairs),
-            Format::Json => {
-                json_text(&problem.name, speed_key(speed, system), self.model, &entries, &pairs)?
-            }
+            Format::Csv => csv(entries, &pairs),
+            Format::Json => json_text(name, speed_key(speed, system), self.model, entries, &pairs)?,
         };
         self.output.write(&text)
     }

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::bode::{speed_key, speed_text};
 use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
 use super::trim::{Interactions, on_off};
@@ -16,6 +16,7 @@ use coaxdesign::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponen
 use coaxdesign::linear::linearize::{Options, linearize};
 use coaxdesign::linear::modes::{Mode, modes};
 use coaxdesign::linear::{LinearError, PeriodicModel, StateSpace};
+use coaxdesign::lti::{LtiSet, PointModel};
 use coaxdesign::problem::{Problem, Reference};
 use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
 use coaxdesign::report::plot::Legend;
@@ -32,6 +33,11 @@ const SLOW: f64 = 6.0;
 pub struct Modes {
     #[command(flatten)]
     problem: ProblemArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
+    /// Specification whose [models_from] maps the names and units of the set
+    #[arg(long, value_name = "SPEC", requires = "models")]
+    spec: Option<PathBuf>,
     #[command(flatten)]
     point: PointArgs,
     /// Rotor-on-rotor interactions
@@ -103,6 +109,11 @@ impl Modes {
             });
         }
         self.run.start()?;
+        if let Some((set, point)) =
+            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        {
+            return self.of_models(&set, &point);
+        }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
         let condition = self.point.condition(&mut loaded.problem)?;
         let problem = &loaded.problem;
@@ -113,21 +124,52 @@ impl Modes {
         let mut listings: Vec<Listing> =
             flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
         let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
-        let (speed, system) = (condition.horizontal_speed(), self.units.system());
+        let speed = condition.horizontal_speed();
         if let Some(published) = published(problem, knots)? {
             listings.push(published);
         }
-        let title = format!("{}: {} at {}", problem.name, self.title(), speed_text(speed, system));
+        self.show(&problem.name, speed, &self.title(), &listings)
+    }
+
+    /// The modes of a linear model from elsewhere.
+    fn of_models(&self, set: &LtiSet, point: &PointModel) -> Result<Outcome, CliError> {
+        let mut note = String::new();
+        let (rows, what) = match self.reduce.apply(&point.model)? {
+            None => (plain(modes(&point.model)?), "modes of the model"),
+            Some(reduced) => {
+                note = reduced.summary(&point.model);
+                (plain(modes(&reduced.model)?), "modes of the reduced model")
+            }
+        };
+        let listing = Listing {
+            label: point.label.clone(),
+            style: 0,
+            interactions: false,
+            published: false,
+            note,
+            rows,
+        };
+        self.show(&set.name, point.speed, what, &[listing])
+    }
+
+    /// Modes at a speed, m/s.
+    fn show(
+        &self,
+        name: &str,
+        speed: f64,
+        what: &str,
+        listings: &[Listing],
+    ) -> Result<Outcome, CliError> {
+        let system = self.units.system();
+        let title = format!("{name}: {what} at {}", speed_text(speed, system));
         if let Some(path) = &self.plot {
-            let svg = figure(&title, &listings).to_svg();
+            let svg = figure(&title, listings).to_svg();
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         let text = match self.format.of(&self.output)? {
-            Format::Table => tables(&title, &listings),
-            Format::Csv => csv(&listings),
-            Format::Json => {
-                json_text(&problem.name, speed_key(speed, system), &self.title(), &listings)?
-            }
+            Format::Table => tables(&title, listings),
+            Format::Csv => csv(listings),
+            Format::Json => json_text(name, speed_key(speed, system), what, listings)?,
         };
         self.output.write(&text)
     }

@@ -6,6 +6,7 @@ use super::args::OutputArgs;
 use super::{CliError, Outcome};
 use coaxdesign::control::spec;
 use coaxdesign::export::schema::{law_schema, schedule_schema};
+use coaxdesign::lti::schema::set_schema;
 use coaxdesign::problem::schema::{json_schema, json_schema_of};
 use coaxdesign::simulate::maneuver;
 
@@ -32,6 +33,8 @@ enum Kind {
     Schedule,
     /// The JSON export of a schedule
     Law,
+    /// Linear models over speed, as JSON
+    LtiSet,
 }
 
 impl Schema {
@@ -42,6 +45,7 @@ impl Schema {
             Kind::Maneuver => json_schema_of("coaxdesign manoeuvre", &maneuver::ROOT),
             Kind::Schedule => schedule_schema(),
             Kind::Law => law_schema(),
+            Kind::LtiSet => set_schema(),
         };
         let text = serde_json::to_string_pretty(&schema)
             .map_err(|error| CliError::Internal(error.to_string()))?;

@@ -10,6 +10,7 @@
 //!   specification's `[models_from]`.
 //! * [`read`]: the forms.
 //! * [`resolve`]: names, units, missing attitudes, delays: [`LtiSet`].
+//! * [`schema`]: of the JSON form.
 //! * [`stitch`]: one continuous model of all speeds.
 //!
 //! Whatever is not clear is refused, and the message shows the line to add to
@@ -18,6 +19,7 @@
 pub mod mapping;
 pub mod read;
 pub mod resolve;
+pub mod schema;
 pub mod stitch;
 
 use crate::linear::StateSpace;

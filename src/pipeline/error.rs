@@ -6,6 +6,7 @@ use crate::control::plant::PlantError;
 use crate::control::tuning::TuningError;
 use crate::control::verify::VerifyError;
 use crate::linear::LinearError;
+use crate::lti::stitch::StitchError;
 use crate::problem::Report;
 use crate::schedule::ScheduleError;
 use crate::simulate::SimulationError;
@@ -48,6 +49,9 @@ pub enum PipelineError {
     /// A condition that must trim does not.
     #[error("no trim at {:.1} m/s: {}", .0.condition.airspeed, .0.status.word())]
     NoTrim(Box<TrimPoint>),
+    /// A stitched model cannot be varied or trimmed.
+    #[error(transparent)]
+    Stitch(#[from] StitchError),
     /// The flight cannot begin.
     #[error(transparent)]
     Flight(#[from] FlightError),
@@ -112,6 +116,7 @@ impl PipelineError {
                 "look at --control-rate, --steps, --pitch-rate-limit and the schedule's hardware"
             }
             Self::Flight(_) => "look at the trim of the start and at the manoeuvre's commands",
+            Self::Stitch(_) => "docs/models.md tells what a set of models can give",
             Self::Cancelled => "the same command goes on from what is done",
         }
     }

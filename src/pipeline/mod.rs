@@ -11,6 +11,7 @@
 //! | [`plants`] | a problem, a specification, speeds | what tuning and verification work on |
 //! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
 //! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
+//! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
 //! | [`Study`] | a problem, a schedule, a [`FlightPlan`] | its runs, one by one, varied |

@@ -422,6 +422,12 @@ fn grid(
     let expected = format!("the Mach numbers of the {name} table");
     let (_, mach) = lines.row(machs, false, &said, &expected)?;
     let mut rows = vec![lines.next];
+    if mach.iter().any(|mach| *mach > LARGEST_MACH) {
+        return Err(lines.fault(
+            format!("a Mach number beyond {LARGEST_MACH} in the {name} table"),
+            "Mach numbers of blades are below 1, such as 0.85",
+        ));
+    }
     if mach[0] < 0.0 || mach.windows(2).any(|pair| pair[1] <= pair[0]) {
         return Err(lines.fault(
             format!("the Mach numbers of the {name} table do not increase"),
@@ -434,6 +440,16 @@ fn grid(
         let expected = format!("row {} of {angles} of the {name} table", index + 1);
         let first = lines.peek().map_or(lines.next, |(number, _)| number);
         let (angle, row) = lines.row(machs, true, &said, &expected)?;
+        if let Some(value) = row.iter().find(|value| value.abs() > LARGEST_COEFFICIENT) {
+            return Err(TableError {
+                line: first,
+                message: format!("a coefficient of {value:e} in the {name} table"),
+                help: format!(
+                    "no coefficient is beyond {LARGEST_COEFFICIENT} either way: look for a missing \
+                     decimal point"
+                ),
+            });
+        }
         let ordered = match degrees.last() {
             None => angle == -180.0,
             Some(last) => angle > *last,
@@ -478,6 +494,11 @@ fn grid(
     Ok((CoefficientGrid { angle_of_attack, mach, value }, rows))
 }
 
+/// Coefficient beyond which a table is taken to be broken: surfaces through
+/// larger values overflow, and no section comes near.
+const LARGEST_COEFFICIENT: f64 = 1000.0;
+/// Mach number beyond which a table is taken to be broken.
+const LARGEST_MACH: f64 = 10.0;
 /// Largest lift coefficient of a section with every flap there is.
 const LARGEST_LIFT: f64 = 3.0;
 /// Largest drag coefficient: a plate across the flow has 2.
@@ -643,6 +664,10 @@ mod tests {
         assert!(error.message.contains("nan"));
         assert_eq!(edit(3, &TABLE.lines().nth(3).unwrap().replace("-175", "-170")).line, 3);
         assert_eq!(edit(5, &TABLE.lines().nth(3).unwrap().replace("-175", "-179")).line, 5);
+        let error = edit(4, &TABLE.lines().nth(3).unwrap().replacen("  .4473", "  1e308", 1));
+        assert_eq!(error.line, 4);
+        assert!(error.message.contains("1e308"), "{error}");
+        assert_eq!(edit(2, "          0.00   0.20   99.0").line, 2);
         let cut: Vec<&str> = TABLE.lines().take(50).collect();
         let error = parse(&cut.join("\n")).unwrap_err();
         assert_eq!(error.line, 50);

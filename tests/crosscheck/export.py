@@ -308,9 +308,16 @@ def state_space_error(reader, law, speed):
     under velocity demands."""
     import control
 
-    # At a speed where the tables have no kink, and far from every limit.
+    # The tables stand still, far from every limit. Halfway between two level
+    # trims the interpolated velocity climbs a little: the law would move the
+    # collective from there, and the pedals' power with it. This law's trim is
+    # level, and exactly at its speed.
     values = law.at(speed)
+    (_, (v,), _), ((roll,), (pitch,)) = values["trim_velocity"], values["trim_attitude"]
+    w = (speed * np.sin(pitch) - v * np.sin(roll)) / np.cos(roll)
+    values["trim_velocity"][:] = [[speed * np.cos(pitch)], [v], [w]]
     law = copy.copy(law)
+    law.speeds, law.tables = [speed], {name: [rows] for name, rows in values.items()}
     law.constants = dict(law.constants)
     for stick in ("lat", "lon", "col", "ped"):
         law.constants[f"stick_{stick}_min"], law.constants[f"stick_{stick}_max"] = -1e9, 1e9
