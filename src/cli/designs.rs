@@ -249,7 +249,10 @@ impl Chosen {
         };
         let kept = asked.map(|given| !given && inside.is_some());
         let (aircraft, requirements) = match inside {
-            Some(inside) => (Some(inside.aircraft), Some(inside.requirements)),
+            Some(inside) => {
+                let name = inside.note.specification.origin.clone();
+                (Some(inside.aircraft), Some(Requirements { name, ..inside.requirements }))
+            }
             None => (None, None),
         };
         let loaded = match aircraft.filter(|_| kept[0]) {

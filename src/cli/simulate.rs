@@ -15,7 +15,7 @@ use super::{CliError, Outcome};
 use coaxdesign::pipeline::{FlightPlan, Flown, fly};
 use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
-use coaxdesign::simulate::metrics::SCHEMA;
+use coaxdesign::simulate::metrics::{COORDINATED, SCHEMA};
 use coaxdesign::simulate::record::Column;
 use coaxdesign::simulate::{Metrics, Status};
 use coaxdesign::units::{Kind, System};
@@ -436,7 +436,9 @@ fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) 
     }
     if let Some(bank) = metrics.coordinated_bank_error_rad {
         text += &format!(
-            "Bank against a coordinated turn's above 50 kt: RMS {:.2} deg, peak {:.2} deg.\n",
+            "Bank against a coordinated turn's above {:.0} {}: RMS {:.2} deg, peak {:.2} deg.\n",
+            Kind::Airspeed.from_si(COORDINATED, system),
+            Kind::Airspeed.symbol(system),
             bank.rms.to_degrees(),
             bank.peak.to_degrees()
         );

@@ -15,7 +15,7 @@ pub const SCHEMA: &str = "coaxdesign.simulation/1";
 const SETTLED: f64 = 2.5;
 /// Speed above which bank is compared with that of a coordinated turn, m/s:
 /// the paper's turn-coordination speed.
-const COORDINATED: f64 = 50.0 * KNOT;
+pub const COORDINATED: f64 = 50.0 * KNOT;
 
 /// Root mean square and peak of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
