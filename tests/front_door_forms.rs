@@ -31,7 +31,7 @@ fn the_ending_chooses_the_form() {
         ("-o x.mat", "no form that ends in .mat"),
         ("-o x.json --format csv --force", "the ending says json, but --format says csv"),
         ("--plot x.png", "plots are not written as .png"),
-        ("--plot p.svg -o p.svg", "two results cannot go to one file"),
+        ("--plot p.svg -o p.svg --format csv", "two results cannot go to one file"),
     ] {
         let refused = command(here, &format!("{TRIM} {more}"));
         assert_eq!(code(&refused), 2, "{more}: {}", err(&refused));

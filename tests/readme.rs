@@ -177,13 +177,13 @@ speeds = ["0 kt", "20 kt"]
 gain_margin_db = 4.0
 phase_margin = "30 deg"
 [axis.roll]
-drb = "0.3 rad/s"
+drb = "0.2 rad/s"
 [axis.pitch]
-drb = "0.3 rad/s"
+drb = "0.2 rad/s"
 [axis.yaw]
-drb = "0.3 rad/s"
+drb = "0.2 rad/s"
 [axis.heave]
-drb = "0.3 rad/s"
+drb = "0.2 rad/s"
 "#;
 
 /// Commands of the page that a test does not run: they build or test the

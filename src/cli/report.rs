@@ -59,7 +59,7 @@ impl Report {
             None if directory.is_dir() => Some(super::designs::lock(directory)?),
             _ => None,
         };
-        let inputs = Inputs::find(&self.design, &self.sources, self.run.quiet)?;
+        let inputs = Inputs::find(&self.design, &self.sources, true)?;
         let html = page(&inputs, &self.speeds, self.units, self.run.quiet)?;
         output::write_whole(&path, html.as_bytes(), self.force)?;
         if !self.run.quiet {

@@ -6,7 +6,7 @@ use super::observer::Running;
 use super::{Observer, PipelineError, Task};
 use crate::control::plant::Hardware;
 use crate::control::spec;
-use crate::linear::linearize::{Options as LinearOptions, averaged};
+use crate::linear::linearize::{Options as LinearOptions, averaged, trim_values};
 use crate::linear::reduction::{RIGID_BODY, residualise};
 use crate::linear::set::ModelSet;
 use crate::linear::{LinearError, StateSpace};
@@ -47,7 +47,7 @@ pub fn trim(
 }
 
 /// Models of the rigid body over speed (m/s, increasing), averaged along the
-/// orbit and residualised; one set for every entry of `interactions`. States
+/// orbit and residualised, with their trims; one set for every entry of `interactions`. States
 /// u v w p q r φ θ, inputs the sticks, SI and radians.
 ///
 /// # Errors
@@ -77,10 +77,16 @@ pub fn models(
                         let full = averaged(&vehicle, &trim, &LinearOptions::default())?;
                         Ok(residualise(&full, &RIGID_BODY)?.model)
                     };
-                    Ok(model()?)
+                    let model = model()?;
+                    Ok((trim_values(&vehicle, &trim, &model), model))
                 })
                 .collect::<Result<Vec<_>, PipelineError>>()?;
-            Ok(ModelSet::new(Some(on), speeds.to_vec(), reduced)?)
+            let (trims, models): (Vec<_>, Vec<_>) = reduced.into_iter().unzip();
+            let set = ModelSet::new(Some(on), speeds.to_vec(), models)?;
+            Ok(match trims.into_iter().collect() {
+                Some(trims) => set.with_trims(trims)?,
+                None => set,
+            })
         })
         .collect()
 }
