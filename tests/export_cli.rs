@@ -146,7 +146,7 @@ fn bad_arguments_are_said_in_the_users_terms() {
         ("export broken.json --to c -o o", 2, "broken.json"),
         ("export d --to c", 2, "-o DIR"),
         ("export d --to c -o o --step 0s", 2, "step"),
-        ("export d --to c -o o --step 1e-6s", 2, "delay"),
+        ("export d --to c -o o --step 1e-6s", 2, "it must be from 0.0001 s"),
         ("export d --to c -o o --step 1kt", 2, "--step"),
         ("export d --to c -o o --name 2x", 2, "2x"),
         ("export d --to fmu -o o --cc no-such-compiler", 3, "no-such-compiler"),

@@ -158,6 +158,11 @@ fn known(value: &Value, schema: &Value, path: &str) {
         assert!(fits(schema) || any, "{path}: {value} against {schema}");
         return;
     };
+    // Of several forms a table takes that of a table.
+    let forms = schema["anyOf"].as_array();
+    let schema = forms
+        .and_then(|forms| forms.iter().find(|form| form["type"] == "object"))
+        .unwrap_or(schema);
     if schema["additionalProperties"].is_object() {
         for (name, inner) in table {
             known(inner, &schema["additionalProperties"], &format!("{path}.{name}"));

@@ -266,7 +266,7 @@ fn problem_files() {
                     &format!("{:?} {:?}", loaded.problem.mass, loaded.problem.controls),
                 )?;
                 tried.set(tried.get() + 1);
-                if long && tried.get() % 16 == 0 {
+                if long && tried.get().is_multiple_of(16) {
                     flown(&loaded.problem)?;
                 }
             }

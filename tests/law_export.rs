@@ -25,7 +25,7 @@ use coaxdesign::schedule::{Provenance, Schedule, hash};
 use nalgebra::{DMatrix, Matrix4};
 use num_complex::Complex64 as C;
 
-const LIMITS: [[f64; 2]; 4] = [[-1e6, 1e6]; 4];
+const LIMITS: [[f64; 2]; 4] = [[-1e3, 1e3]; 4];
 /// Measurements and demands but for the mode.
 const INPUTS: usize = 13;
 

@@ -36,7 +36,7 @@ fn table(notch: Notches) -> LawTable {
     }
     let plant = testbed::plant(speed, &testbed::NOMINAL);
     let point = LawPoint { speed, gains, inversion: Inversion::new(&plant).unwrap() };
-    LawTable::new(vec![point], settings, TurnCoordination { speed: 500.0, width: 5.0 }).unwrap()
+    LawTable::new(vec![point], settings, TurnCoordination { speed: 300.0, width: 5.0 }).unwrap()
 }
 
 fn pitch() -> Notches {

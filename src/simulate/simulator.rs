@@ -457,11 +457,16 @@ impl<'a> Simulator<'a> {
                 }
             }
             self.actuators.advance(&self.command);
-            // Commanded rotor speeds have no actuator but their motor, which
-            // keeps within its limits.
-            for (places, limits) in vehicle.layout.rotors.iter().zip(&vehicle.controls.speed_limits)
+            // Rotor speeds that the sticks command have no actuator but their
+            // motor, which keeps within its limits. A governor's command has
+            // none: with it a failed engine's torque is written.
+            for ((rotor, places), limits) in vehicle
+                .rotors
+                .iter()
+                .zip(&vehicle.layout.rotors)
+                .zip(&vehicle.controls.speed_limits)
             {
-                if let Some(place) = places.command {
+                if let (true, Some(place)) = (rotor.commanded, places.command) {
                     self.command[place] = self.command[place].clamp(limits[0], limits[1]);
                 }
             }

@@ -356,11 +356,11 @@ impl<'a> System<'a> {
             torque += weight * now.torque;
             profile_power += weight * now.profile_power;
             induced_power += weight * now.induced_power;
-            for k in 0..3 {
-                inflow[k] += weight * now.inflow[k];
+            for (mean, now) in inflow.iter_mut().zip(now.inflow) {
+                *mean += weight * now;
             }
-            for k in 0..2 {
-                flapping[k] += weight * now.flapping[k];
+            for (mean, now) in flapping.iter_mut().zip(now.flapping) {
+                *mean += weight * now;
             }
         });
         let residuals = self.evaluate(x).map_or(f64::NAN, |residuals| residuals.norm());

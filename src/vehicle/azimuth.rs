@@ -95,7 +95,7 @@ impl Turning {
 fn passage(rotor: &Rotor) -> f64 {
     let flapping =
         matches!(rotor.hub_kind, HubKind::Articulated { .. } | HubKind::Hingeless { .. });
-    let alternate = flapping && rotor.blades > 2 && rotor.blades % 2 == 0;
+    let alternate = flapping && rotor.blades > 2 && rotor.blades.is_multiple_of(2);
     let places = if alternate { rotor.blades / 2 } else { rotor.blades };
     TAU / (places as f64 * rotor.speed)
 }

@@ -670,7 +670,7 @@ impl Vehicle {
     /// A force on the hub and a moment about it, hub frame, as force and moment
     /// about the centre of gravity, body frame.
     #[inline(always)]
-    fn from_hub<S: Scalar>(
+    fn about_center<S: Scalar>(
         &self,
         index: usize,
         force: Vec3<S>,
@@ -921,7 +921,7 @@ impl Vehicle {
         angular_hub: Vec3<S>,
     ) -> (Vec3<S>, Vec3<S>) {
         let (force, moment, _) = self.rotors[index].acceleration_loads(blades, hub, angular_hub);
-        self.from_hub(index, force, moment)
+        self.about_center(index, force, moment)
     }
 
     /// Solves Newton's and Euler's equations of airframe and blades for the
@@ -952,7 +952,7 @@ impl Vehicle {
         for (index, rotor) in self.rotors.iter().enumerate() {
             let returned = |hub: Vec3<f64>, angular: Vec3<f64>| {
                 let (force, moment) = self.accelerated_hub(index, work, hub, angular);
-                self.from_hub(index, force, moment)
+                self.about_center(index, force, moment)
             };
             let (hub, _) = self.hub_acceleration(index, rate_value, zero, zero);
             let (f, m) = returned(hub, zero);
@@ -1008,7 +1008,7 @@ impl Vehicle {
                     let mut flap = [S::default(); MOST_EVALUATED];
                     let flap = &mut flap[..set.len()];
                     let (force, moment) = set.accelerated(&work.sets[index], hub, angular, flap);
-                    let (force, moment) = self.from_hub(index, force, moment);
+                    let (force, moment) = self.about_center(index, force, moment);
                     for k in 0..3 {
                         residual[k] += force.0[k];
                         residual[3 + k] += moment.0[k];

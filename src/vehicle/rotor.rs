@@ -422,7 +422,7 @@ impl Rotor {
             _ if !resolved => vec![Mode::Coning, Mode::Cyclic(1)],
             _ if self.blades == 2 => vec![Mode::Coning, Mode::Teeter],
             _ => {
-                let alternate = (self.blades % 2 == 0).then_some(Mode::Reactionless);
+                let alternate = self.blades.is_multiple_of(2).then_some(Mode::Reactionless);
                 std::iter::once(Mode::Coning).chain(cyclic).chain(alternate).collect()
             }
         };
@@ -772,7 +772,7 @@ impl Rotor {
         let mut inflow_root = l0 * self.tip_speed();
         if self.offset != 0.0 {
             v_f += slip_z * self.offset;
-            w_f = w_f - omega_y * self.offset;
+            w_f -= omega_y * self.offset;
             inflow_root += inflow_slope * self.offset;
         }
         let e = self.undersling;
