@@ -620,7 +620,7 @@ fn flap(
     let state =
         |name: &str| vehicle.layout.state(&format!("{}.{name}", rotor.name)).map(|place| x[place]);
     let mut flap = Dual::<1> { v: 0.0, d: [0.0] };
-    let alternating = if blade % 2 == 0 { 1.0 } else { -1.0 };
+    let alternating = if blade.is_multiple_of(2) { 1.0 } else { -1.0 };
     for (name, sign) in [("beta_0", 1.0), ("beta_d", alternating)] {
         if let (Some(angle), Some(rate)) = (state(name), state(&format!("{name}_rate"))) {
             flap.v += sign * angle;
@@ -719,9 +719,9 @@ fn mechanics(p: &Problem, vehicle: &Vehicle, time: f64, x: &[f64]) -> Mechanics 
         let tip = 2.0 * second - first;
         let middle = 2.0 * (first - tip);
         let root = rotor.blade_mass - middle - tip;
-        for blade in 0..rotor.blades {
+        for (blade, &flap) in flaps.iter().enumerate().take(rotor.blades) {
             for (mass, r) in [(root, 0.0), (middle, 0.5 * radius), (tip, radius)] {
-                let place = blade_point(rotor, azimuth, flaps[blade], blade, r).0;
+                let place = blade_point(rotor, azimuth, flap, blade, r).0;
                 let from_center = add(hub, place.map(|c| c.v));
                 let relative = place.map(|c| c.d[0]);
                 let moving = add(velocity, add(cross(rate, from_center), relative));
@@ -742,12 +742,9 @@ fn assert_conserved(p: &Problem) {
     x[..8].copy_from_slice(&[5.0, -3.0, 2.0, 0.4, -0.3, 0.5, 0.2, -0.1]);
     for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
         let [start, angles, rates] = places.flap;
-        for k in 0..angles {
-            x[start + k] = [0.06, -0.04, 0.03, -0.02, 0.01][k];
-        }
-        for k in 0..rates {
-            x[start + angles + k] = [0.5, 0.9, -0.4, 0.3, -0.6][k];
-        }
+        x[start..start + angles].copy_from_slice(&[0.06, -0.04, 0.03, -0.02, 0.01][..angles]);
+        let moving = start + angles;
+        x[moving..moving + rates].copy_from_slice(&[0.5, 0.9, -0.4, 0.3, -0.6][..rates]);
         if let Some(start) = places.speed {
             x[start] = lively[start];
             x[start + 1] = lively[start + 1];

@@ -278,7 +278,8 @@ mod tests {
     }
 
     /// Every thrust has one induced velocity, whatever the descent: the balance
-    /// rises with the inflow wherever the correction acts, up to μ = λ.
+    /// rises with the inflow wherever the correction acts, up to μ = λ. The
+    /// rotor's air has no moment, so that its inflow leans with the skew.
     #[test]
     fn one_inflow_for_every_thrust() {
         for m in 0..=24 {
@@ -292,7 +293,10 @@ mod tests {
                     if mz > 2.0 * lambda || mu > lambda {
                         continue;
                     }
-                    let now = wake([mu, 0.0, mz, lambda, 0.0, 0.0, lambda])[0];
+                    let skew = wake([mu, 0.0, mz, lambda, 0.0, 0.0, lambda])[6];
+                    let lean = 2.0 * COUPLING * lambda * skew;
+                    let [now, moment, ..] = wake([mu, 0.0, mz, lambda, lean, 0.0, lambda]);
+                    assert!(moment.abs() < 1e-12, "{moment}");
                     assert!(now > before, "mu {mu}, descent {mz}, inflow {lambda}");
                     before = now;
                 }
