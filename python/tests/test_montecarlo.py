@@ -120,7 +120,7 @@ def test_the_dataset_is_parquet_with_units(
     field = parquet.read_schema(files[0]).field("phi_peak_rad")
     assert field.metadata == {b"unit": b"rad"}
     pattern = f"{tmp_path}/runs/*/*.parquet"
-    found = duckdb.sql(f"select count(*), max(phi_peak_rad) from '{pattern}'").fetchone()
+    found = duckdb.sql(f"select count(*), max(phi_peak_rad) from '{pattern}'").fetchall()[0]
     assert found == (24, here["phi_peak_rad"].max())
     frame = polars.scan_parquet(pattern).filter(polars.col("success")).collect()
     assert len(frame) == here["success"].sum()
