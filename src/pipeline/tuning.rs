@@ -15,7 +15,7 @@ use crate::control::spec::Specification;
 use crate::control::tuning::Price;
 use crate::control::verify::{Authority, BladeControl, Row, Verification, authority};
 use crate::lti::LtiSet;
-use crate::problem::{Loaded, Problem};
+use crate::problem::{LONGEST_NAME, Loaded, Problem, check_name};
 use crate::schedule::{Provenance, Schedule};
 
 /// Two speeds nearer than this are the same, m/s.
@@ -207,24 +207,30 @@ pub fn tune_models(
 }
 
 /// What a design is made for, its plants aside.
-struct Subject<'a> {
-    name: &'a str,
+struct Subject {
+    name: String,
     stick_limits: [[f64; 2]; 4],
     blades: Vec<BladeControl>,
 }
 
-impl<'a> Subject<'a> {
-    fn of_problem(problem: &'a Problem) -> Self {
+impl Subject {
+    fn of_problem(problem: &Problem) -> Self {
         Self {
-            name: &problem.name,
+            name: problem.name.clone(),
             stick_limits: problem.controls.stick_limits,
             blades: blade_controls(problem),
         }
     }
 
-    /// Linear models say nothing of blades: sticks have their whole travel.
-    fn of_models(set: &'a LtiSet) -> Self {
-        Self { name: &set.name, stick_limits: [[0.0, 100.0]; 4], blades: Vec::new() }
+    /// Linear models say nothing of blades: sticks have their whole travel. Of
+    /// the set's name the schedule takes what every export can hold.
+    fn of_models(set: &LtiSet) -> Self {
+        let held = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { ' ' };
+        let words: String = set.name.chars().map(held).collect();
+        let words: Vec<&str> = words.split_whitespace().collect();
+        let name: String = words.join(" ").chars().take(LONGEST_NAME).collect();
+        let name = if check_name(&name).is_ok() { name } else { "models".into() };
+        Self { name, stick_limits: [[0.0, 100.0]; 4], blades: Vec::new() }
     }
 }
 
@@ -261,7 +267,7 @@ pub fn plants_of_models(
 }
 
 fn tune_built(
-    subject: &Subject<'_>,
+    subject: &Subject,
     spec: &Specification,
     built: Built,
     provenance: Provenance,
@@ -290,7 +296,7 @@ fn tune_built(
         explanations(spec, &nodes, &design.table, &verified.verification, options.explain_all)?;
     let met = verified.met();
     let schedule =
-        Schedule::new(subject.name, &design.table, spec.hardware, limits, met, provenance);
+        Schedule::new(&subject.name, &design.table, spec.hardware, limits, met, provenance);
     Ok(Tuned { schedule, design, nodes, verified, explanations })
 }
 
