@@ -4,7 +4,7 @@
 use super::model::{Channel, PeriodicModel, PeriodicSample};
 use super::set::TrimValues;
 use super::{LinearError, StateSpace};
-use crate::numerics::scalar::{Dual, Scalar};
+use crate::numerics::scalar::{Dual, Scalar, WIDTH};
 use crate::problem::STICKS;
 use crate::trim::ConvergedTrim;
 use crate::trim::shooting::{Shooting, stick_scales};
@@ -12,8 +12,6 @@ use crate::units::Kind;
 use crate::vehicle::{Layout, Vehicle, Workspace};
 use nalgebra::DMatrix;
 
-/// Tangents carried in one pass.
-const WIDTH: usize = 28;
 
 /// What moves the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -111,6 +111,11 @@ impl Scalar for f64 {
     }
 }
 
+/// Tangents that one pass over a large model carries; systems with more unknowns
+/// take several passes. All callers share one width, because the compiler makes
+/// the whole model again for each.
+pub const WIDTH: usize = 28;
+
 /// A number and its derivatives along `N` directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dual<const N: usize> {

@@ -2,7 +2,7 @@
 
 use crate::numerics::integration::{Integrator, Method};
 use crate::numerics::least_squares::{EvaluationError, Residuals};
-use crate::numerics::scalar::{Dual, Scalar};
+use crate::numerics::scalar::{Dual, Scalar, WIDTH};
 use crate::problem::STICKS;
 use crate::trim::condition::{FlightCondition, Lateral};
 use crate::units::Kind;
@@ -11,8 +11,6 @@ use crate::vehicle::{Layout, Vehicle};
 use nalgebra::{DMatrix, DVector};
 use std::cell::RefCell;
 
-/// Tangents carried in one pass of the Jacobian; larger systems take several.
-const WIDTH: usize = 28;
 /// Most steps a blade passage of the Jacobian. It steers the solver and is no result:
 /// with this many steps it is right to about 1e-4, and every iteration still
 /// gains that factor.

@@ -12,7 +12,7 @@
 
 use crate::numerics::integration::{Integrator, KUTTA_3_8};
 use crate::numerics::least_squares::{self, EvaluationError, Residuals};
-use crate::numerics::scalar::{Dual, Scalar};
+use crate::numerics::scalar::{Dual, Scalar, WIDTH};
 use crate::problem::{Problem, RotorMix};
 use crate::vehicle::inflow::FlowState;
 use crate::vehicle::{Layout, Vehicle, VehicleError};
@@ -23,8 +23,6 @@ use std::f64::consts::SQRT_2;
 const HEAVY: f64 = 1e12;
 /// Steps a period.
 const STEPS: usize = 72;
-/// Tangents of one pass.
-const WIDTH: usize = 16;
 /// Scale of C_T, and of C_Q.
 const SCALES: [f64; 2] = [1e-3, 1e-4];
 /// Residuals at which a point has converged.
