@@ -131,7 +131,7 @@
 //!     step: 0.01,
 //!     precision: Precision::Double,
 //!     speed: 0.0,
-//!     binary: None,
+//!     binaries: Vec::new(),
 //! };
 //! let files = export::export(&schedule, Vec::new(), Format::C, &options)?;
 //! assert!(files.iter().any(|file| file.name == "coax_law.h"));

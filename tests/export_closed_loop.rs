@@ -34,7 +34,7 @@ impl Foreign {
             step,
             precision: Precision::Double,
             speed: 0.0,
-            binary: None,
+            binaries: Vec::new(),
         };
         for file in export(schedule, Vec::new(), Format::C, &options).unwrap() {
             std::fs::write(directory.join(file.name), file.bytes).unwrap();

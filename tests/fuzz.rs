@@ -9,7 +9,7 @@
 use std::time::Instant;
 
 use coaxdesign::control::spec;
-use coaxdesign::export::import::{Source, import};
+use coaxdesign::export::import::{Breakpoints, Source, import};
 use coaxdesign::export::{Description, Format, Options, Precision, export, sample};
 use coaxdesign::problem::{self, Report, c81, fuselage_table};
 use coaxdesign::schedule::Schedule;
@@ -392,7 +392,7 @@ fn schedules() {
         step: 0.05,
         precision: Precision::Double,
         speed: 0.0,
-        binary: None,
+        binaries: Vec::new(),
     };
     fuzz("schedules", &damaged(vec![base]), |text| {
         match Schedule::from_json(&text) {
@@ -430,11 +430,11 @@ fn imports(name: &str, source: Source, format: Format) {
         step: 0.01,
         precision: Precision::Double,
         speed: 0.0,
-        binary: None,
+        binaries: Vec::new(),
     };
     let file = export(&base, Vec::new(), format, &options).unwrap().remove(0);
     let answer = |bytes: &[u8]| -> TestCaseResult {
-        if let Ok(back) = import(bytes, source, "fuzzed", Some(&base)) {
+        if let Ok(back) = import(bytes, source, "fuzzed", Some(&base), Breakpoints::Unsaid) {
             prop_assert_eq!(back.schedule.check(), Ok(()));
         }
         Ok(())

@@ -106,7 +106,7 @@ fn options(name: &str) -> Options {
         step: 0.01,
         precision: Precision::Double,
         speed: 0.0,
-        binary: None,
+        binaries: Vec::new(),
     }
 }
 
@@ -288,7 +288,7 @@ fn hostile_lines_stay_comments_and_texts_in_every_form() {
         ("law.mat", export::import::Source::Mat),
     ] {
         let bytes = std::fs::read(at.join(file)).unwrap();
-        let back = export::import::import(&bytes, source, file, None).unwrap();
+        let back = export::import::import(&bytes, source, file, None, Default::default()).unwrap();
         assert_eq!(back.schedule.law().unwrap(), sample.law().unwrap(), "{file}");
     }
 }

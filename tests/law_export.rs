@@ -77,7 +77,7 @@ impl Exported {
             step,
             precision: Precision::Double,
             speed: 0.0,
-            binary: None,
+            binaries: Vec::new(),
         };
         let directory = tempfile::tempdir().unwrap();
         for file in export(&schedule, Vec::new(), Format::C, &options).unwrap() {

@@ -138,7 +138,7 @@ fn files_and_code_hold_it() {
         step: 0.01,
         precision: Precision::Double,
         speed: 0.0,
-        binary: None,
+        binaries: Vec::new(),
     };
     for format in [Format::C, Format::Rust, Format::Python, Format::Jsbsim] {
         let has = |schedule: &Schedule| {

@@ -153,7 +153,7 @@ impl Schedule {
             refused(format!("no identifier can be made of {of:?}; name=... gives one"))
         })?;
         let precision = if single { Precision::Float } else { Precision::Double };
-        let options = Options { name, step, precision, speed, binary: None };
+        let options = Options { name, step, precision, speed, binaries: Vec::new() };
         let files = export::export(&self.schedule, warnings.clone(), about.format, &options)
             .map_err(|error| refused(error.to_string()))?;
         let files = files.into_iter().map(|f| (f.name, PyBytes::new(py, &f.bytes))).collect();

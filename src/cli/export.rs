@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 
 use super::tune::usage;
 use super::{CliError, Outcome, output};
-use coaxdesign::export::{self, ExportError, Format, Options, Precision};
+use coaxdesign::export::{self, ExportError, Format, Options, Platform, Precision};
 use coaxdesign::schedule::{self, Schedule};
 use coaxdesign::units::{Kind, parse_quantity};
 
@@ -55,10 +55,15 @@ pub struct Export {
     /// True airspeed of the one condition: for ardupilot
     #[arg(long, value_name = "SPEED", default_value = SPEED)]
     speed: String,
-    /// C compiler that builds a shared object for this machine into the FMU; without it the FMU
-    /// holds its C sources only
+    /// C compiler that builds a shared object into the FMU, for the platform that the compiler
+    /// is for; may be given several times, for several platforms. Without it the FMU holds its C
+    /// sources only
     #[arg(long, value_name = "CC")]
-    cc: Option<String>,
+    cc: Vec<String>,
+    /// Platform of the shared object, where the compiler does not say it: one for each --cc, in
+    /// the same order
+    #[arg(long, value_enum, value_name = "PLATFORM", requires = "cc")]
+    platform: Vec<PlatformName>,
     /// Leave out warnings: a design has shown them once for all its exports.
     #[arg(skip)]
     quiet: bool,
@@ -71,6 +76,29 @@ enum PrecisionName {
     Float,
     /// 64 bit
     Double,
+}
+
+/// Platforms by name.
+#[derive(Debug, Clone, Copy)]
+struct PlatformName(Platform);
+
+impl ValueEnum for PlatformName {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [PlatformName; Platform::ALL.len()] = {
+            let mut all = [PlatformName(Platform::Linux64); Platform::ALL.len()];
+            let mut k = 0;
+            while k < all.len() {
+                all[k] = PlatformName(Platform::ALL[k]);
+                k += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.0.folder()))
+    }
 }
 
 /// A form by its name.
@@ -112,7 +140,8 @@ impl Export {
             step: STEP.into(),
             precision: PrecisionName::Double,
             speed: SPEED.into(),
-            cc: None,
+            cc: Vec::new(),
+            platform: Vec::new(),
             quiet,
         }
     }
@@ -151,12 +180,15 @@ impl Export {
                 PrecisionName::Double => Precision::Double,
             },
             speed: quantity("speed", &self.speed, Kind::Airspeed)?,
-            binary: None,
+            binaries: Vec::new(),
         };
-        if let (Some(cc), Format::Fmu) = (&self.cc, format) {
+        if format == Format::Fmu && !self.cc.is_empty() {
+            let platforms = self.platforms()?;
             let sources = export::binary_sources(&schedule, warnings.clone(), &options)
                 .map_err(|e| export_error(&e))?;
-            options.binary = Some(build(cc, &sources)?);
+            for (cc, platform) in self.cc.iter().zip(platforms) {
+                options.binaries.push((platform, build(cc, platform, &sources)?));
+            }
         }
         let files =
             export::export(&schedule, warnings, format, &options).map_err(|e| export_error(&e))?;
@@ -179,6 +211,52 @@ impl Export {
         }
         Ok(Outcome::Done)
     }
+}
+
+impl Export {
+    /// What each compiler builds for, each platform once.
+    fn platforms(&self) -> Result<Vec<Platform>, CliError> {
+        if !self.platform.is_empty() && self.platform.len() != self.cc.len() {
+            return Err(usage(
+                format!("{} --platform for {} --cc", self.platform.len(), self.cc.len()),
+                "give one --platform for each --cc, in the same order, or none",
+            ));
+        }
+        let mut platforms = Vec::new();
+        for (k, cc) in self.cc.iter().enumerate() {
+            let platform = match self.platform.get(k) {
+                Some(PlatformName(platform)) => *platform,
+                None => target(cc)?,
+            };
+            if platforms.contains(&platform) {
+                return Err(usage(
+                    format!("two compilers are for {}", platform.folder()),
+                    "give one --cc a platform; --platform says which where a compiler does not",
+                ));
+            }
+            platforms.push(platform);
+        }
+        Ok(platforms)
+    }
+}
+
+/// The platform that a compiler is for, as it says.
+fn target(cc: &str) -> Result<Platform, CliError> {
+    let asked = Command::new(cc)
+        .arg("-dumpmachine")
+        .output()
+        .map_err(|source| CliError::Io { path: PathBuf::from(cc), source })?;
+    let said = String::from_utf8_lossy(&asked.stdout);
+    Platform::of_target(said.trim()).ok_or_else(|| {
+        let names: Vec<&str> = Platform::ALL.iter().map(|p| p.folder()).collect();
+        CliError::Usage {
+            message: format!(
+                "{cc}: its target is '{}', for which FMI 2.0 has no platform",
+                coaxdesign::problem::visible(said.trim(), false)
+            ),
+            help: format!("--platform says which it is: {}", names.join(", ")),
+        }
+    })
 }
 
 /// The forms, a line each.
@@ -242,8 +320,8 @@ pub(super) fn load(path: &Path, any_schema: bool) -> Result<(Schedule, Option<St
     }
 }
 
-/// A shared object of C sources for this machine.
-fn build(cc: &str, sources: &[export::File]) -> Result<Vec<u8>, CliError> {
+/// A shared object of C sources.
+fn build(cc: &str, platform: Platform, sources: &[export::File]) -> Result<Vec<u8>, CliError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
         move |source| CliError::Io { path, source }
@@ -251,7 +329,12 @@ fn build(cc: &str, sources: &[export::File]) -> Result<Vec<u8>, CliError> {
     let directory = tempfile::tempdir().map_err(io(Path::new("temporary directory")))?;
     let mut command = Command::new(cc);
     command.current_dir(directory.path());
-    command.args(["-std=c99", "-O2", "-fPIC", "-shared", "-o", "law.so"]);
+    command.args(["-std=c99", "-O2", "-shared", "-o", "law.so"]);
+    match platform {
+        // All code is position independent there; no library of the compiler's is asked for.
+        Platform::Win32 | Platform::Win64 => command.arg("-static-libgcc"),
+        _ => command.arg("-fPIC"),
+    };
     for file in sources {
         let path = directory.path().join(&file.name);
         std::fs::write(&path, &file.bytes).map_err(io(&path))?;

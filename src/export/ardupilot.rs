@@ -8,7 +8,7 @@
 //! and the trims are not in them; they are in the Lua tables, for a script.
 
 use super::code::{self, Form, Language};
-use super::text::{comment, fill, number, quoted};
+use super::text::{Flat, comment, fill, number};
 use super::{ExportError, File, Input, Precision};
 use crate::control::axis::{Axis, Channel};
 use crate::law::diagram::Function;
@@ -90,10 +90,12 @@ fn parameters(input: &Input) -> Result<String, ExportError> {
             }
         }
     }
-    let (x, y) = (gains(Channel::Vx), gains(Channel::Vy));
     // ArduPilot has one controller for both directions.
-    lines.push(("PSC_VELXY_P".into(), x.k_p.min(y.k_p)));
-    lines.push(("PSC_VELXY_I".into(), x.k_i.min(y.k_i)));
+    let velocity = velocity_gains(input)?;
+    if let Some([k_p, k_i]) = velocity {
+        lines.push(("PSC_VELXY_P".into(), k_p));
+        lines.push(("PSC_VELXY_I".into(), k_i));
+    }
     let mut head = input.description.banner();
     head.truncate(4 + input.description.warnings.len());
     head.push(format!(
@@ -111,13 +113,49 @@ fn parameters(input: &Input) -> Result<String, ExportError> {
          stick; PSC_VELZ and PSC_VELXY P 1/s, I 1/s^2."
             .into(),
     );
-    head.push("PSC_VELXY is the smaller of the two directions' gains.".into());
+    head.push(if velocity.is_some() {
+        "PSC_VELXY is the smaller of the two directions' gains.".into()
+    } else {
+        "This law has no loops over velocity: PSC_VELXY is left as it is.".to_string()
+    });
     head.extend(remarks);
     let mut text = comment(&head, "# ", 96);
     for (key, value) in lines {
         text += &format!("{key} {}\n", number(value, Precision::Float));
     }
     Ok(text)
+}
+
+/// Gains K_P and K_I of one controller for both horizontal velocities. `None`
+/// where the law closes neither loop at any speed.
+///
+/// # Errors
+/// A loop that the law has faded out at this speed: zero would not be its gain.
+fn velocity_gains(input: &Input) -> Result<Option<[f64; 2]>, ExportError> {
+    let at = |speed: f64| {
+        let p = input.law.at(speed);
+        let [x, y] = [Channel::Vx, Channel::Vy].map(|c| p.gains[c.index()]);
+        [x.k_p.min(y.k_p), x.k_i.min(y.k_i)]
+    };
+    let found = at(input.options.speed);
+    if found[0] > 0.0 {
+        return Ok(Some(found));
+    }
+    let works: Vec<f64> =
+        input.law.points().iter().map(|p| p.speed).filter(|v| at(*v)[0] > 0.0).collect();
+    let (Some(first), Some(last)) = (works.first(), works.last()) else {
+        return Ok(None);
+    };
+    Err(ExportError::Format {
+        format: "ardupilot",
+        reason: format!(
+            "at {:.1} kt the law has faded out a loop over velocity, and PSC_VELXY_P would be 0; \
+             speeds from {:.1} kt to {:.1} kt work",
+            input.options.speed / KNOT,
+            first / KNOT,
+            last / KNOT
+        ),
+    })
 }
 
 struct Lua;
@@ -127,7 +165,7 @@ impl Language for Lua {
         number(value, Precision::Double)
     }
     fn constant(&self, name: &str) -> String {
-        format!("c.{name}")
+        name.into()
     }
     fn entry(&self, place: usize) -> String {
         let (table, row, column, _) = code::cell(place);
@@ -179,41 +217,56 @@ fn turn_blend(input: &Input) -> String {
     code::lines(&blend, &Lua, &form, &|w: Wire| !matches!(blend.block(w).kind, Kind::Input))
 }
 
+/// Numbers as a Lua string that `string.unpack("<f", ...)` reads.
+fn packed(values: &[f64]) -> String {
+    let mut text = String::new();
+    for byte in values.iter().flat_map(|x| (*x as f32 + 0.0).to_le_bytes()) {
+        text += &format!("\\x{byte:02x}");
+    }
+    text
+}
+
 fn script(input: &Input) -> String {
     let d = input.description;
-    let real = |x: f64| number(x, Precision::Double);
-    let quoted = |s: &String| quoted(s);
-    let join = |list: Vec<String>| list.join(", ");
-    let mut tables = String::new();
-    for t in d.law_tables() {
-        tables += &format!(
-            "    -- {}\n    {} = {{\n        rows = {{{}}},\n        columns = {{{}}},\n        \
-             values = {{\n",
-            t.meaning,
-            t.name,
-            join(t.rows.iter().map(quoted).collect()),
-            join(t.columns.iter().map(quoted).collect()),
-        );
-        for m in &t.values {
-            let values = m.iter().flatten().map(|x| real(*x)).collect();
-            tables += &format!("            {{{}}},\n", join(values));
-        }
-        tables += "        },\n    },\n";
-    }
-    let constants: String = d
-        .constants
-        .iter()
-        .map(|c| format!("    {} = {}, -- {}, {}\n", c.name, real(c.value), c.unit, c.meaning))
+    let flat = Flat::new(input);
+    let names: Vec<(String, String)> = d
+        .law_tables()
+        .flat_map(|t| {
+            t.rows.iter().enumerate().flat_map(move |(i, row)| {
+                t.columns.iter().enumerate().map(move |(j, column)| {
+                    (super::entry_name(&t.name, row, column), t.units[i][j].clone())
+                })
+            })
+        })
         .collect();
+    let places: String = names.iter().map(|(name, _)| format!("{name} \\z\n    ")).collect();
+    let mut listing = String::new();
+    for (k, (name, unit)) in names.iter().enumerate() {
+        let series: Vec<String> =
+            flat.values.iter().map(|v| number(v[k], Precision::Float)).collect();
+        let entry = format!("{name}, {unit}: {}", series.join(" "));
+        listing += &comment(&[entry], "-- ", 96);
+    }
+    let data: String = flat.values.iter().map(|v| format!("    {}\\z\n", packed(v))).collect();
+    let blend = super::diagram(input, false).only(&["turn_blend"]);
+    let mut constants = String::new();
+    for (name, unit, meaning, value) in code::constants(&blend) {
+        let value = number(value, Precision::Double);
+        constants += &comment(&[format!("{meaning}, {unit}")], "    -- ", 96);
+        constants += &format!("    local {name} = {value}\n");
+    }
     fill(
         SCRIPT,
         &[
             ("BANNER", &comment(&d.banner(), "", 96).replace(']', ")")),
             ("MET", if d.requirements_met { "true" } else { "false" }),
-            ("WARNINGS", &join(d.warnings.iter().map(quoted).collect())),
+            ("COUNT", &names.len().to_string()),
+            ("NAMES", &places),
+            ("POINTS", &flat.values.len().to_string()),
+            ("SPEEDS", &packed(&d.speed.values)),
+            ("LISTING", &listing),
+            ("DATA", &data),
             ("CONSTANTS", &constants),
-            ("SPEEDS", &join(d.speed.values.iter().map(|x| real(*x)).collect())),
-            ("TABLES", &tables),
             ("TURN_BLEND", &turn_blend(input)),
             ("P", &input.options.name),
         ],

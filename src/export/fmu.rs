@@ -9,7 +9,7 @@ use crate::schedule::hash;
 const SOURCE: &str = include_str!("templates/fmu.c");
 
 /// Real inputs in the order of their value references: name, unit, meaning.
-const INPUTS: [(&str, &str, &str); 14] = [
+const INPUTS: [(&str, &str, &str); 19] = [
     ("u", "m/s", "velocity over the ground, body axes, forward"),
     ("v", "m/s", "velocity over the ground, body axes, to the right"),
     ("w", "m/s", "velocity over the ground, body axes, down"),
@@ -24,6 +24,15 @@ const INPUTS: [(&str, &str, &str); 14] = [
     ("heading_rate", "rad/s", "demanded heading rate"),
     ("v_z_command", "m/s", "demanded vertical velocity, down positive"),
     ("reset", "1", "above 0.5: the law starts anew"),
+    (
+        "engage",
+        "1",
+        "above 0.5: the law starts from the sticks given by lat_0 to ped_0, without a transient",
+    ),
+    ("lat_0", "%", "lateral stick to start from"),
+    ("lon_0", "%", "longitudinal stick to start from"),
+    ("col_0", "%", "collective to start from"),
+    ("ped_0", "%", "pedals to start from"),
 ];
 
 const OUTPUTS: [(&str, &str); 4] = [
@@ -32,6 +41,73 @@ const OUTPUTS: [(&str, &str); 4] = [
     ("col", "collective"),
     ("ped", "pedals"),
 ];
+
+/// What a shared object of a unit runs on, as FMI 2.0 names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Platform {
+    /// Linux on x86.
+    Linux32,
+    /// Linux on x86-64.
+    Linux64,
+    /// Windows on x86.
+    Win32,
+    /// Windows on x86-64.
+    Win64,
+    /// macOS.
+    Darwin64,
+}
+
+impl Platform {
+    /// Every platform.
+    pub const ALL: [Self; 5] =
+        [Self::Linux32, Self::Linux64, Self::Win32, Self::Win64, Self::Darwin64];
+
+    /// Its folder below `binaries`.
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Linux32 => "linux32",
+            Self::Linux64 => "linux64",
+            Self::Win32 => "win32",
+            Self::Win64 => "win64",
+            Self::Darwin64 => "darwin64",
+        }
+    }
+
+    /// Ending of a shared object.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Linux32 | Self::Linux64 => "so",
+            Self::Win32 | Self::Win64 => "dll",
+            Self::Darwin64 => "dylib",
+        }
+    }
+
+    /// The platform of a compiler's target, such as `x86_64-linux-gnu`, which
+    /// `cc -dumpmachine` prints. `None` where FMI 2.0 has no name for it.
+    pub fn of_target(target: &str) -> Option<Self> {
+        let processor = target.split('-').next().unwrap_or_default();
+        let wide = matches!(processor, "x86_64" | "amd64");
+        let narrow = matches!(processor, "i386" | "i486" | "i586" | "i686" | "x86");
+        if target.contains("mingw") || target.contains("windows") || target.contains("cygwin") {
+            return match (wide, narrow) {
+                (true, _) => Some(Self::Win64),
+                (_, true) => Some(Self::Win32),
+                _ => None,
+            };
+        }
+        if target.contains("apple") || target.contains("darwin") {
+            return Some(Self::Darwin64);
+        }
+        if target.contains("android") || !target.contains("linux") {
+            return None;
+        }
+        match (wide, narrow) {
+            (true, _) => Some(Self::Linux64),
+            (_, true) => Some(Self::Linux32),
+            _ => None,
+        }
+    }
+}
 
 fn guid(input: &Input) -> String {
     let (header, source) = c::texts(input);
@@ -82,8 +158,16 @@ fn model_description(input: &Input) -> String {
          <Integer start=\"0\" min=\"0\" max=\"1\"/>\n    </ScalarVariable>\n",
         INPUTS.len() + OUTPUTS.len()
     );
-    let outputs: String = (INPUTS.len() + 1..=INPUTS.len() + OUTPUTS.len())
-        .map(|k| format!("      <Unknown index=\"{k}\" dependencies=\"\"/>\n"))
+    // Outputs change at communication points only; the first ones are computed
+    // from the inputs of the initialisation, the mode among them.
+    let outputs = |inputs: &str| -> String {
+        (INPUTS.len() + 1..=INPUTS.len() + OUTPUTS.len())
+            .map(|k| format!("      <Unknown index=\"{k}\" dependencies=\"{inputs}\"/>\n"))
+            .collect()
+    };
+    let all: Vec<String> = (1..=INPUTS.len())
+        .chain([INPUTS.len() + OUTPUTS.len() + 1])
+        .map(|k| k.to_string())
         .collect();
     let status = if d.warnings.is_empty() {
         String::new()
@@ -104,13 +188,15 @@ fn model_description(input: &Input) -> String {
          <Unit name=\"rad/s\"><BaseUnit rad=\"1\" s=\"-1\"/></Unit>\n    \
          <Unit name=\"%\"><BaseUnit factor=\"0.01\"/></Unit>\n  </UnitDefinitions>\n  \
          <DefaultExperiment startTime=\"0\" stepSize=\"{}\"/>\n  <ModelVariables>\n{variables}  \
-         </ModelVariables>\n  <ModelStructure>\n    <Outputs>\n{outputs}    </Outputs>\n    \
-         <InitialUnknowns>\n{outputs}    </InitialUnknowns>\n  </ModelStructure>\n\
+         </ModelVariables>\n  <ModelStructure>\n    <Outputs>\n{}    </Outputs>\n    \
+         <InitialUnknowns>\n{}    </InitialUnknowns>\n  </ModelStructure>\n\
          </fmiModelDescription>\n",
         guid(input),
         xml(&format!("Control law of {}.{status}", d.name)),
         env!("CARGO_PKG_VERSION"),
         number(input.options.step, Precision::Double),
+        outputs(""),
+        outputs(&all.join(" ")),
     )
 }
 
@@ -132,13 +218,8 @@ pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
     for source in sources(input) {
         parts.push(File { name: format!("sources/{}", source.name), bytes: source.bytes });
     }
-    if let Some(binary) = &input.options.binary {
-        // The only platform that this program builds for is its own.
-        let (folder, ending) = match std::env::consts::OS {
-            "windows" => ("win64", "dll"),
-            "macos" => ("darwin64", "dylib"),
-            _ => ("linux64", "so"),
-        };
+    for (platform, binary) in &input.options.binaries {
+        let (folder, ending) = (platform.folder(), platform.ending());
         parts.push(File {
             name: format!("binaries/{folder}/{name}.{ending}"),
             bytes: binary.clone(),
@@ -150,4 +231,27 @@ pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
     }
     let bytes = zip.finish().map_err(|e| failed(&e))?.into_inner();
     Ok(vec![File { name: format!("{name}.fmu"), bytes }])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn compilers_say_their_platform() {
+        for (target, wanted) in [
+            ("x86_64-linux-gnu", Some(Platform::Linux64)),
+            ("x86_64-unknown-linux-musl", Some(Platform::Linux64)),
+            ("i686-linux-gnu", Some(Platform::Linux32)),
+            ("x86_64-w64-mingw32", Some(Platform::Win64)),
+            ("i686-w64-mingw32", Some(Platform::Win32)),
+            ("x86_64-pc-windows-msvc", Some(Platform::Win64)),
+            ("arm64-apple-darwin23.1.0", Some(Platform::Darwin64)),
+            ("aarch64-linux-gnu", None),
+            ("x86_64-linux-android", None),
+            ("arm-none-eabi", None),
+        ] {
+            assert_eq!(Platform::of_target(target), wanted, "{target}");
+        }
+    }
 }

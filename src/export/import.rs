@@ -1,8 +1,9 @@
 //! Schedules of other programs, or written by hand: JSON, TOML, CSV, MAT.
 //!
 //! A file may be one of our own exports, or hold any part of one: the gains of
-//! a few speeds, say. What it leaves out is taken from a base schedule at the
-//! file's speeds; without a base everything must be there. Speeds are in m/s,
+//! a few speeds, say. What it leaves out is taken from a base schedule; without
+//! a base everything must be there. With a base the file is an edit: the base's
+//! breakpoints stay. [`Breakpoints`] says otherwise. Speeds are in m/s,
 //! or texts with a unit such as `"40 kt"`. Nothing that comes from outside
 //! counts as verified.
 
@@ -46,6 +47,17 @@ pub enum ImportError {
         /// Why.
         reason: String,
     },
+    /// A whole law at other speeds than the base's.
+    #[error(
+        "the file holds a whole law at {file} speeds, and the base has breakpoints at {base} \
+         others: it may replace the base's law or be put into it"
+    )]
+    Breakpoints {
+        /// Speeds of the file.
+        file: usize,
+        /// Breakpoints of the base that the file does not have.
+        base: usize,
+    },
     /// A value that is given twice.
     #[error("{0} is given twice")]
     Twice(String),
@@ -76,6 +88,19 @@ pub enum Source {
     Mat,
 }
 
+/// Which breakpoints the schedule gets where there is a base.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Breakpoints {
+    /// The base's, with the file's values put in; a file that holds a whole law
+    /// at other speeds than the base's is refused, because it may mean either.
+    #[default]
+    Unsaid,
+    /// The base's and the file's.
+    Base,
+    /// The file's only.
+    File,
+}
+
 /// What a file says.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Partial {
@@ -95,6 +120,10 @@ pub struct Imported {
     pub schedule: Schedule,
     /// Names of tables and constants that the file left out, in part or whole.
     pub from_base: Vec<String>,
+    /// Breakpoints of the base at which the file says nothing and that stay, m/s.
+    pub kept: Vec<f64>,
+    /// Breakpoints of the base that are left out, m/s.
+    pub dropped: Vec<f64>,
 }
 
 /// The nearest of some names.
@@ -170,6 +199,25 @@ impl Partial {
     }
 }
 
+impl Partial {
+    /// Whether it has every entry of the tables at every one of its speeds.
+    fn is_whole(&self) -> bool {
+        FORMS.iter().enumerate().all(|(form, f)| {
+            let (rows, columns) = f.size();
+            (0..rows).all(|i| {
+                // A gain that does not exist need not be there.
+                let first = match Channel::ALL.get(i) {
+                    Some(channel) if f.name == "gains" => columns - channel.gains().len(),
+                    _ => 0,
+                };
+                (first..columns).all(|j| {
+                    (0..self.speeds.len()).all(|k| self.entries.contains_key(&(form, k, i, j)))
+                })
+            })
+        })
+    }
+}
+
 fn form_of(table: &str) -> Result<usize, ImportError> {
     FORMS
         .iter()
@@ -187,6 +235,7 @@ pub fn import(
     source: Source,
     origin: &str,
     base: Option<&Schedule>,
+    breakpoints: Breakpoints,
 ) -> Result<Imported, ImportError> {
     let text = || {
         std::str::from_utf8(bytes).map_err(|e| ImportError::Form(format!("this is no text: {e}")))
@@ -205,7 +254,7 @@ pub fn import(
         Source::Csv => of_csv(text()?)?,
         Source::Mat => of_mat(&mat::read(bytes)?)?,
     };
-    complete(partial, origin, base)
+    complete(partial, origin, base, breakpoints)
 }
 
 fn number(value: &Value, what: &str) -> Result<f64, ImportError> {
@@ -536,15 +585,64 @@ fn of_mat(variables: &BTreeMap<String, Variable>) -> Result<Partial, ImportError
     Ok(out)
 }
 
+/// Puts the base's breakpoints among the file's speeds, as asked for.
+///
+/// Returns which of the base's breakpoints stay though the file does not have
+/// them, and which do not.
+fn with_base(
+    partial: &mut Partial,
+    base: &Schedule,
+    breakpoints: Breakpoints,
+) -> Result<(Vec<f64>, Vec<f64>), ImportError> {
+    let others: Vec<f64> = base
+        .points
+        .iter()
+        .map(|p| p.speed)
+        .filter(|v| !partial.speeds.iter().any(|s| same_speed(*s, *v)))
+        .collect();
+    // A speed that was written with fewer digits is the base's.
+    for s in &mut partial.speeds {
+        if let Some(p) = base.points.iter().find(|p| same_speed(p.speed, *s)) {
+            *s = p.speed;
+        }
+    }
+    if breakpoints == Breakpoints::File {
+        return Ok((Vec::new(), others));
+    }
+    let whole = !partial.speeds.is_empty() && partial.is_whole();
+    if breakpoints == Breakpoints::Unsaid && !others.is_empty() && whole {
+        return Err(ImportError::Breakpoints { file: partial.speeds.len(), base: others.len() });
+    }
+    partial.speeds.extend(&others);
+    Ok((others, Vec::new()))
+}
+
+/// Whether two speeds differ by rounding only: by less than 1 mm/s.
+fn same_speed(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-3
+}
+
 /// Fills what is missing, and makes a schedule of it.
 fn complete(
-    partial: Partial,
+    mut partial: Partial,
     origin: &str,
     base: Option<&Schedule>,
+    breakpoints: Breakpoints,
 ) -> Result<Imported, ImportError> {
-    if partial.speeds.is_empty() {
+    // An edit of constants alone needs no speed.
+    if partial.speeds.is_empty() && (base.is_none() || breakpoints == Breakpoints::File) {
         return Err(ImportError::Form("there is no speed in the file".into()));
     }
+    if let Some(speed) = partial.speeds.iter().find(|v| !(**v >= 0.0)) {
+        return Err(ImportError::Speed {
+            text: format!("{speed} m/s"),
+            reason: "breakpoints are true airspeeds forward, 0 or more".into(),
+        });
+    }
+    let (kept, dropped) = match base {
+        Some(base) => with_base(&mut partial, base, breakpoints)?,
+        None => (Vec::new(), Vec::new()),
+    };
     // By speed, whatever the order of the file.
     let mut order: Vec<usize> = (0..partial.speeds.len()).collect();
     order.sort_by(|a, b| partial.speeds[*a].total_cmp(&partial.speeds[*b]));
@@ -664,7 +762,12 @@ fn complete(
         constants,
         tables,
     };
-    Ok(Imported { schedule: description.schedule()?, from_base: from_base.into_iter().collect() })
+    Ok(Imported {
+        schedule: description.schedule()?,
+        from_base: from_base.into_iter().collect(),
+        kept,
+        dropped,
+    })
 }
 
 #[cfg(test)]
@@ -679,7 +782,7 @@ mod tests {
             step: 0.01,
             precision: Precision::Double,
             speed: 0.0,
-            binary: None,
+            binaries: Vec::new(),
         };
         export(&sample::schedule(), Vec::new(), format, &options).unwrap().remove(0).bytes
     }
@@ -696,7 +799,7 @@ mod tests {
             (files(Format::Csv), Source::Csv),
             (files(Format::Matlab), Source::Mat),
         ] {
-            let back = import(&bytes, source, "x", None).unwrap();
+            let back = import(&bytes, source, "x", None, Breakpoints::Unsaid).unwrap();
             assert!(back.from_base.is_empty());
             assert_eq!(back.schedule.law().unwrap(), sample.law().unwrap(), "{source:?}");
             assert_eq!(back.schedule.hardware, sample.hardware);
@@ -708,7 +811,7 @@ mod tests {
         }
     }
 
-    /// Gains by hand over the base's inversion.
+    /// Gains by hand over the base's inversion, at the file's speeds only.
     #[test]
     fn a_part_is_filled_from_the_base() {
         let base = sample::schedule();
@@ -716,12 +819,13 @@ mod tests {
                    gains,roll,k_p,40 kt,1/s^2,9.5\n\
                    gains,roll,k_p,10 kt,,8.5\n\
                    kappa,,,,1,0.5\n";
-        let back = import(csv.as_bytes(), Source::Csv, "hand.csv", Some(&base)).unwrap();
+        let back = import(csv.as_bytes(), Source::Csv, "hand.csv", Some(&base), Breakpoints::File)
+            .unwrap();
         let (law, old) = (back.schedule.law().unwrap(), base.law().unwrap());
         assert_eq!(law.points().len(), 2);
         for (p, (kt, k_p)) in law.points().iter().zip([(10.0, 8.5), (40.0, 9.5)]) {
             let was = old.at(kt * KNOT);
-            assert!((p.speed - kt * KNOT).abs() < 1e-12);
+            assert!((p.speed - kt * KNOT).abs() < 1e-3);
             assert_eq!(p.gains[0].k_p, k_p);
             assert_eq!(p.gains[0].k_i, was.gains[0].k_i);
             assert_eq!(p.gains[4], was.gains[4]);
@@ -731,14 +835,55 @@ mod tests {
         assert!(back.from_base.contains(&"gains".into()));
         assert!(back.from_base.contains(&"feedback".into()));
         assert!(!back.from_base.contains(&"kappa".into()));
+        assert!(back.kept.is_empty() && !back.dropped.is_empty());
         let json = r#"{"points": [{"speed": "40 kt", "gains": {"roll": {"k_p": 9.5}}}]}"#;
-        let back = import(json.as_bytes(), Source::Json, "hand.json", Some(&base)).unwrap();
+        let file = Breakpoints::File;
+        let back = import(json.as_bytes(), Source::Json, "hand.json", Some(&base), file).unwrap();
         assert_eq!(back.schedule.points[0].gains["roll"].k_p, 9.5);
+    }
+
+    /// One edited line of our own CSV changes one number and nothing else.
+    #[test]
+    fn an_edit_edits() {
+        let base = sample::schedule();
+        let speed = base.points[1].speed;
+        let csv =
+            format!("quantity,row,column,speed,unit,value\ngains,roll,k_p,{speed:.4},1/s^2,9.5\n");
+        let unsaid = Breakpoints::Unsaid;
+        let back = import(csv.as_bytes(), Source::Csv, "hand.csv", Some(&base), unsaid).unwrap();
+        let mut wanted = base.law().unwrap().points().to_vec();
+        assert_eq!(back.kept.len(), wanted.len() - 1);
+        wanted[1].gains[0].k_p = 9.5;
+        assert_eq!(back.schedule.law().unwrap().points(), wanted);
+        // A constant alone is an edit, too.
+        let csv = "quantity,row,column,speed,unit,value\nkappa,,,,1,0.5\n";
+        let back = import(csv.as_bytes(), Source::Csv, "hand.csv", Some(&base), unsaid).unwrap();
+        assert_eq!(back.schedule.law().unwrap().settings.kappa, 0.5);
+        assert_eq!(back.schedule.law().unwrap().points(), base.law().unwrap().points());
+    }
+
+    /// A whole law at some of the base's speeds may mean an edit or a new law.
+    #[test]
+    fn a_whole_law_at_fewer_speeds_asks() {
+        let base = sample::schedule();
+        let mut value: Value = serde_json::from_str(&base.to_json().unwrap()).unwrap();
+        let points = value["points"].as_array_mut().unwrap();
+        let count = points.len();
+        points.truncate(2);
+        let text = value.to_string();
+        let ask =
+            |breakpoints| import(text.as_bytes(), Source::Json, "x", Some(&base), breakpoints);
+        let error = ask(Breakpoints::Unsaid).unwrap_err().to_string();
+        assert!(error.contains(&format!("at {} others", count - 2)), "{error}");
+        assert_eq!(ask(Breakpoints::File).unwrap().dropped.len(), count - 2);
+        let kept = ask(Breakpoints::Base).unwrap();
+        assert_eq!(kept.schedule.law().unwrap(), base.law().unwrap());
     }
 
     #[test]
     fn bad_files_are_refused_in_the_users_terms() {
         let base = sample::schedule();
+        let unsaid = Breakpoints::Unsaid;
         let head = "quantity,row,column,speed,unit,value\n";
         for (line, needle) in [
             ("gains,rol,k_p,0,1/s^2,1", "roll k_p"),
@@ -748,16 +893,17 @@ mod tests {
             ("gains,roll,k_p,0,1/s^2,one", "no number"),
             ("gains,roll,k_p,0,1/s^2,1\ngains,roll,k_p,0,1/s^2,2", "twice"),
             ("kapa,,,,1,0.3", "did you mean 'kappa'"),
-            ("kappa,,,,1,0.3", "no speed"),
+            ("gains,roll,k_p,-1,1/s^2,1", "0 or more"),
             ("gains,roll,k_p,0,1/s^2,inf", "non-finite"),
             ("yaw_time_constant,,,,s,-1\ngains,roll,k_p,0,1/s^2,1", "must be positive"),
         ] {
             let text = format!("{head}{line}\n");
-            let error = import(text.as_bytes(), Source::Csv, "x", Some(&base)).unwrap_err();
+            let error = import(text.as_bytes(), Source::Csv, "x", Some(&base), unsaid).unwrap_err();
             assert!(error.to_string().contains(needle), "{line}: {error}");
         }
         let text = format!("{head}gains,roll,k_p,0,1/s^2,1\n");
-        let error = import(text.as_bytes(), Source::Csv, "x", None).unwrap_err().to_string();
+        let error =
+            import(text.as_bytes(), Source::Csv, "x", None, unsaid).unwrap_err().to_string();
         assert!(error.contains("'feedback'") && error.contains("'kappa'"), "{error}");
         for (json, needle) in [
             ("[1]", "no object"),
@@ -768,10 +914,11 @@ mod tests {
             (r#"{"points": [{"speed": 1, "matrices": {"feedback": [[1]]}}]}"#, "feedback"),
             (r#"{"points": [{"speed": 1}, {"speed": 1}]}"#, "twice"),
         ] {
-            let error = import(json.as_bytes(), Source::Json, "x", Some(&base)).unwrap_err();
+            let error =
+                import(json.as_bytes(), Source::Json, "x", Some(&base), unsaid).unwrap_err();
             assert!(error.to_string().contains(needle), "{json}: {error}");
         }
-        assert!(import(b"\xff", Source::Json, "x", None).is_err());
-        assert!(import(b"MATLAB", Source::Mat, "x", None).is_err());
+        assert!(import(b"\xff", Source::Json, "x", None, unsaid).is_err());
+        assert!(import(b"MATLAB", Source::Mat, "x", None, unsaid).is_err());
     }
 }

@@ -100,6 +100,18 @@ impl Writer<'_> {
         );
     }
 
+    /// An input that is declared already: a component of its name would define
+    /// it a second time.
+    fn link(&mut self, input: &str, expression: &X) {
+        let _ = writeln!(
+            self.channel,
+            "    <fcs_function name=\"{}\">\n      <function>{expression}</function>\n      \
+             <output>{}</output>\n    </fcs_function>",
+            self.name(&format!("link/{input}")),
+            self.name(&format!("in/{input}")),
+        );
+    }
+
     fn remark(&mut self, text: &str) {
         let _ = writeln!(self.channel, "    <!-- {} -->", plain(text));
     }
@@ -284,6 +296,12 @@ pub(super) fn files(input: &Input) -> Vec<File> {
         w.declare(&format!("in/{name}"), 0.0, meaning);
     }
     w.declare("in/reset", 0.0, "while 1, the law starts anew in every frame");
+    w.declare("in/linked", 1.0, "1: measures the aircraft that it stands in; 0: inputs are given");
+    w.remark("what the law measures of the aircraft");
+    for (input, expression) in INPUTS.iter().zip(measured()) {
+        let linked = pick(w.p("in/linked"), expression, w.p(&format!("in/{input}")));
+        w.link(input, &linked);
+    }
     let mut group = usize::MAX;
     for (k, block) in diagram.blocks.iter().enumerate() {
         let wire = Wire(k);
@@ -336,4 +354,33 @@ pub(super) fn files(input: &Input) -> Vec<File> {
         w.channel
     );
     vec![File::text(format!("{}_law.xml", o.name), text)]
+}
+
+/// What the law measures as JSBSim has it, in the order of [`INPUTS`]:
+/// velocities over the ground in body axes, rates, attitude, and the component
+/// of the velocity through the air along the heading.
+fn measured() -> [X; 9] {
+    let p = |property: &str| format!("<p>{property}</p>");
+    let metres = |x: X| op("product", &[x, v(0.3048)]);
+    let (phi, theta) = (p("attitude/phi-rad"), p("attitude/theta-rad"));
+    let times = |a: X, function: &str, angle: &X| {
+        op("product", &[a, op(function, std::slice::from_ref(angle))])
+    };
+    let lifted = sum(&[
+        times(p("velocities/v-aero-fps"), "sin", &phi),
+        times(p("velocities/w-aero-fps"), "cos", &phi),
+    ]);
+    let forward =
+        sum(&[times(p("velocities/u-aero-fps"), "cos", &theta), times(lifted, "sin", &theta)]);
+    [
+        metres(p("velocities/u-fps")),
+        metres(p("velocities/v-fps")),
+        metres(p("velocities/w-fps")),
+        p("velocities/p-rad_sec"),
+        p("velocities/q-rad_sec"),
+        p("velocities/r-rad_sec"),
+        phi,
+        theta,
+        metres(forward),
+    ]
 }

@@ -28,6 +28,7 @@ mod toml;
 pub mod vectors;
 
 pub use description::{Description, DescriptionError};
+pub use fmu::Platform;
 
 use crate::control::law::LawTable;
 use crate::law::Diagram;
@@ -185,9 +186,9 @@ pub struct Options {
     pub precision: Precision,
     /// Speed of formats that hold one, m/s.
     pub speed: f64,
-    /// Shared object to put into an FMU, built from its sources; without it
-    /// the FMU holds sources only.
-    pub binary: Option<Vec<u8>>,
+    /// Shared objects to put into an FMU, built from its sources, one a
+    /// platform; without any the FMU holds sources only.
+    pub binaries: Vec<(Platform, Vec<u8>)>,
 }
 
 /// A file to be written.

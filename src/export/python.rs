@@ -2,7 +2,7 @@
 //! makes linear models of it for python-control.
 
 use super::code::{self, Form, Language};
-use super::text::{comment, fill, number};
+use super::text::{Flat, comment, fill, number};
 use super::{File, Input, Precision, delay_steps, json};
 use crate::law::diagram::Function;
 use crate::law::{Kind, Wire};
@@ -19,8 +19,8 @@ impl Language for Python {
         if name == "step" { "self.interval".into() } else { format!("c[\"{name}\"]") }
     }
     fn entry(&self, place: usize) -> String {
-        let (table, row, column, _) = code::cell(place);
-        format!("p_[\"{table}\"][{row}][{column}]")
+        let (table, _, _, k) = code::cell(place);
+        format!("p_[{} + {k}]", table.to_uppercase())
     }
     fn input(&self, name: &str) -> String {
         match name {
@@ -118,7 +118,7 @@ pub(super) fn files(input: &Input) -> Vec<File> {
     let define = |name: &str, _: bool| format!("{name} = (");
     let form = Form { indent: "        ", comment: ["# ", ""], define: &define, end: ")" };
     let blocks = without_brackets(&code::lines(&diagram, &Python, &form, &|_| true));
-    let looked_up = "        p_ = self.law.at(schedule)\n";
+    let looked_up = "        p_ = self.law.row_at(schedule)\n";
     let mut with_tables = String::new();
     for line in blocks.lines() {
         with_tables += &format!("{line}\n");
@@ -140,9 +140,19 @@ pub(super) fn files(input: &Input) -> Vec<File> {
     let sticks: Vec<String> =
         diagram.outputs.iter().map(|w| code::operand(&diagram, &Python, *w)).collect();
     let truth = |yes: bool| if yes { "True" } else { "False" };
+    let flat = Flat::new(input);
+    let places: String =
+        flat.places.iter().map(|p| format!("{} = {}\n", p.name.to_uppercase(), p.offset)).collect();
+    let shapes: String = flat
+        .places
+        .iter()
+        .map(|p| format!("    \"{}\": ({}, {}),\n", p.name, p.rows, p.columns))
+        .collect();
     let reader = fill(
         READER,
         &[
+            ("PLACES", &places),
+            ("SHAPES", &shapes),
             ("BLOCKS", &with_tables),
             ("TURN_BLEND", &turn_blend),
             ("STICKS", &sticks.join(", ")),

@@ -12,7 +12,6 @@ use crate::units::Kind;
 use crate::vehicle::{Layout, Vehicle, Workspace};
 use nalgebra::DMatrix;
 
-
 /// What moves the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Inputs {

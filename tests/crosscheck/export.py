@@ -180,20 +180,52 @@ def prove_matlab(directory, vectors, schemas):
     return max(error, close("Octave", found, vectors.values[:, :-1], DOUBLE))
 
 
-def prove_lua(directory, vectors, schemas):
-    import lupa
+# Bytes that the smallest boards give to scripts, Lua's own library included.
+# There, pointers are half as wide as here.
+LUA_HEAP = 43_000
 
-    lua = lupa.LuaRuntime()
+
+def prove_lua(directory, vectors, schemas):
+    """In Lua 5.3 as ArduPilot has it, within the heap of its smallest boards."""
+    import lupa.lua53
+
+    lua = lupa.lua53.LuaRuntime(unpack_returned_tuples=True)
+    library = round(1024 * lua.eval('collectgarbage("count")'))
+    # lupa's limit is for what comes on top.
+    lua = lupa.lua53.LuaRuntime(max_memory=LUA_HEAP - library, unpack_returned_tuples=True)
     try:
         law = lua.execute((directory / "law_schedule.lua").read_text())
-    except lupa.LuaError as error:
+    except lupa.lua53.LuaError as error:
         raise Wrong(f"Lua: {error}") from error
+    # ahrs as ArduPilot has it: equivalent airspeed, and the ratio of the true one.
+    lua.execute("ahrs = { airspeed_estimate = function() return 40.0 end,"
+                " get_EAS2TAS = function() return 1.25 end }")
+    if law["true_airspeed"]() != 50.0:
+        raise Wrong("Lua: another true airspeed")
+    places = [law["place"](name) for name in vectors.names[:-1]]
     found = []
     for speed in vectors.speeds:
-        values = law["at"](float(speed))
-        line = [values[name][row][column] for name, row, column in vectors.law_entries()]
-        found.append(line + [law["turn_blend"](float(speed))])
-    return close("Lua", found, vectors.values, DOUBLE)
+        law["look_up"](float(speed))
+        found.append([law["value"](k) for k in places] + [law["turn_blend"](float(speed))])
+    error = close("Lua", found, vectors.values, SINGLE)
+    # What a step of a script calls leaves nothing behind.
+    garbage = lua.execute("""
+        local law, place = ...
+        local function steps()
+            for k = 1, 1000 do
+                law.look_up(k * 0.05) law.value(place) law.turn_blend(k * 0.05)
+            end
+        end
+        collectgarbage() collectgarbage("stop")
+        steps() -- the stack grows to its size, once
+        local before = collectgarbage("count")
+        steps()
+        local grown = collectgarbage("count") - before
+        collectgarbage("restart")
+        return grown""", law, places[0])
+    if garbage > 0.0:
+        raise Wrong(f"Lua: {garbage:.1f} kB of garbage")
+    return error
 
 
 def prove_param(directory, vectors, schemas):
@@ -278,6 +310,8 @@ def measurement_of(row):
 
 
 def prove_python(directory, vectors, schemas):
+    run(sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir",
+        directory / "mypy", directory / "law_law.py")
     reader = {"__name__": "law_law"}
     exec(compile((directory / "law_law.py").read_text(), "law_law.py", "exec"), reader)
     try:
@@ -291,8 +325,13 @@ def prove_python(directory, vectors, schemas):
                 for row in values[t["name"]] for x in row]
         found.append(line + [law.turn_blend(speed)])
     error = close("tables", found, vectors.values, DOUBLE)
+    many = law.at(vectors.speeds.reshape(1, -1))
+    found = [many[t["name"]][0].reshape(len(vectors.speeds), -1)
+             for t in law.document["tables"] if t["needed_by_law"]]
+    close("tables at once", np.hstack(found), vectors.values[:, :-1], DOUBLE)
     controller = reader["Controller"](law, STEP)
     rows = vectors.inputs.tolist()
+    prove_refusals(controller, rows[0])
     found = [controller.step(measurement_of(row), demand_of(row)) for row in rows]
     error = max(error, close("sticks", found, vectors.sticks, DOUBLE, TRAVEL))
     speeds = [2.0, 13.0, 24.0, 27.0, 33.0, 44.0]
@@ -300,6 +339,26 @@ def prove_python(directory, vectors, schemas):
     if not linear <= 1e-5:
         raise Wrong(f"state space: differs from the law's small deviations by {linear:.1e}")
     return error
+
+
+def prove_refusals(controller, row):
+    """What is no number is refused, and leaves the law as it was."""
+    before = (dict(controller.memory), {k: list(v) for k, v in controller.lines.items()})
+    for change in ({"roll": float("nan")}, {"airspeed": float("inf")}):
+        try:
+            controller.step(measurement_of(row) | change, demand_of(row))
+        except ValueError:
+            pass
+        else:
+            raise Wrong(f"reader: takes {change}")
+    try:
+        controller.step(measurement_of(row), demand_of(row) | {"mode": 7})
+    except ValueError:
+        pass
+    else:
+        raise Wrong("reader: takes an unknown mode")
+    if (controller.memory, controller.lines) != before:
+        raise Wrong("reader: a refused input changes the law")
 
 
 def state_space_error(reader, law, speed):
@@ -316,11 +375,14 @@ def state_space_error(reader, law, speed):
     (_, (v,), _), ((roll,), (pitch,)) = values["trim_velocity"], values["trim_attitude"]
     w = (speed * np.sin(pitch) - v * np.sin(roll)) / np.cos(roll)
     values["trim_velocity"][:] = [[speed * np.cos(pitch)], [v], [w]]
-    law = copy.copy(law)
-    law.speeds, law.tables = [speed], {name: [rows] for name, rows in values.items()}
-    law.constants = dict(law.constants)
-    for stick in ("lat", "lon", "col", "ped"):
-        law.constants[f"stick_{stick}_min"], law.constants[f"stick_{stick}_max"] = -1e9, 1e9
+    document = copy.deepcopy(law.document)
+    document["speed"]["values"] = [speed]
+    for t in document["tables"]:
+        t["values"] = [values[t["name"]]]
+    for c in document["constants"]:
+        if c["name"].startswith("stick_"):
+            c["value"] = -1e9 if c["name"].endswith("_min") else 1e9
+    law = reader["Law"](document)
     trim = [r[0] for r in values["trim_velocity"]]
     attitude = [r[0] for r in values["trim_attitude"]]
     count, size = 200, 1e-6
@@ -392,9 +454,35 @@ def prove_jsbsim(directory, vectors, schemas):
     import jsbsim
 
     try:
-        return fly_jsbsim(jsbsim, directory, vectors)
+        error = fly_jsbsim(jsbsim, directory, vectors)
+        # What JSBSim says while it loads the aircraft, which it writes past Python.
+        code = ("import jsbsim; fdm = jsbsim.FGFDMExec('.', None); fdm.set_dt(0.01); "
+                "assert fdm.load_model('bench')")
+        said = subprocess.run([sys.executable, "-c", code], cwd=directory, capture_output=True,
+                              text=True, check=False)
+        if said.returncode != 0 or "already defined" in said.stderr + said.stdout:
+            raise Wrong(f"JSBSim: {(said.stderr + said.stdout)[-600:]}")
+        return error
     except jsbsim.BaseError as error:
         raise Wrong(f"JSBSim: {error}") from error
+
+
+def linked(fdm):
+    """Inside an aircraft the law measures by itself, in the same frame."""
+    fdm["ic/u-fps"], fdm["ic/v-fps"], fdm["ic/w-fps"] = 100.0, 10.0, 5.0
+    fdm["ic/phi-rad"], fdm["ic/theta-rad"] = 0.2, 0.1
+    fdm["ic/vw-mag-fps"], fdm["ic/vw-dir-deg"] = 20.0, 70.0
+    fdm.run_ic()
+    fdm["fcs/throttle-cmd-norm"] = 0.0
+    before = [fdm[f"velocities/{k}-fps"] * 0.3048 for k in "uvw"]
+    before += [fdm[f"velocities/{k}-rad_sec"] for k in "pqr"]
+    phi, theta = fdm["attitude/phi-rad"], fdm["attitude/theta-rad"]
+    u, v, w = (fdm[f"velocities/{k}-aero-fps"] * 0.3048 for k in "uvw")
+    forward = u * np.cos(theta) + (v * np.sin(phi) + w * np.cos(phi)) * np.sin(theta)
+    if not abs(forward - before[0]) > 1.0:
+        raise Wrong("the test's wind does not show")
+    found = [fdm[f"law/in/{n}"] for n in JSBSIM_INPUTS[:9]]
+    close("link", found, before + [phi, theta, forward], 1e-6)
 
 
 def fly_jsbsim(jsbsim, directory, vectors):
@@ -412,6 +500,8 @@ def fly_jsbsim(jsbsim, directory, vectors):
     # High above the ground, so that the bench stays clear of it.
     fdm["ic/h-sl-ft"] = 30000.0
     fdm["law/in/reset"] = 1.0
+    linked(fdm)
+    fdm["law/in/linked"] = 0.0
     fdm.run_ic()
 
     properties = {}
@@ -442,6 +532,22 @@ def fly_jsbsim(jsbsim, directory, vectors):
     return max(error, close("sticks", found, vectors.sticks, DOUBLE, TRAVEL))
 
 
+def prove_initialisation(unit, reference, real, columns, vectors, outputs):
+    """The first outputs follow from the inputs, the sticks to start from among
+    them, and move nothing of the law."""
+    row = vectors.inputs[0]
+    unit.setReal([reference[n] for n in real], [float(row[k]) for k in columns])
+    unit.setInteger([reference["mode"]], [int(row[10])])
+    close("first outputs", unit.getReal(outputs), vectors.sticks[0], DOUBLE, TRAVEL)
+    given = [reference[f"{s}_0"] for s in ("lat", "lon", "col", "ped")]
+    sticks = list(vectors.sticks[0] + [1.0, -2.0, 3.0, -1.0])
+    unit.setReal([reference["engage"], *given], [1.0, *sticks])
+    close("engaged", unit.getReal(outputs), sticks, 1e-9, TRAVEL)
+    unit.setReal([reference["engage"]], [0.0])
+    unit.exitInitializationMode()
+    close("settled", unit.getReal(outputs), vectors.sticks[0], DOUBLE, TRAVEL)
+
+
 def prove_fmu(directory, vectors, schemas):
     import fmpy
     import fmpy.fmi2
@@ -467,9 +573,9 @@ def prove_fmu(directory, vectors, schemas):
     unit.instantiate()
     unit.setupExperiment(startTime=0.0)
     unit.enterInitializationMode()
-    unit.exitInitializationMode()
-    found = []
     outputs = [reference[s] for s in ("lat", "lon", "col", "ped")]
+    prove_initialisation(unit, reference, real, columns, vectors, outputs)
+    found = []
     for row in vectors.inputs:
         unit.setReal([reference[n] for n in real], [float(row[k]) for k in columns])
         unit.setInteger([reference["mode"]], [int(row[10])])
@@ -536,6 +642,17 @@ def corrupt_text(file, decimals):
         if wrong is None:
             raise RuntimeError(f"nothing to corrupt in {file}")
         path.write_text(text)
+
+    return change
+
+
+def corrupt_lua(value):
+    def change(directory):
+        path = directory / "law_schedule.lua"
+        text = path.read_text()
+        packed = lambda x: "".join(f"\\x{b:02x}" for b in np.float32(x).tobytes())
+        assert packed(value) in text
+        path.write_text(text.replace(packed(value), packed(value * 1.001)))
 
     return change
 
@@ -641,7 +758,7 @@ def check(program, schedule, scratch):
         ("matlab", [], prove_matlab, corrupt_mat(value)),
         ("python", [], prove_python, corrupt_text("law.json", decimals)),
         ("jsbsim", [], prove_jsbsim, corrupt_text("law_law.xml", decimals)),
-        ("ardupilot", ["lua"], prove_lua, corrupt_text("law_schedule.lua", decimals)),
+        ("ardupilot", ["lua"], prove_lua, corrupt_lua(value)),
         ("ardupilot", ["parameters"], prove_param, None),
         ("fmu", ["--cc", "gcc"], prove_fmu, corrupt_fmu(value)),
     ]

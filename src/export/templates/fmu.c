@@ -48,9 +48,12 @@ typedef struct {
 } fmi2CallbackFunctions;
 
 /* Value references: inputs, then outputs, then the mode. */
-#define INPUTS (14u)
+#define INPUTS (19u)
 #define OUTPUTS (4u)
-#define MODE (18u)
+#define MODE (23u)
+#define RESET (13u)
+#define ENGAGE (14u)
+#define GIVEN (15u) /* sticks to engage from */
 
 typedef struct {
     @P@_state law;
@@ -60,6 +63,7 @@ typedef struct {
     fmi2Real time;
     fmi2Real start;
     unsigned long done; /* steps since the start */
+    int initialising;   /* outputs follow the inputs without a step */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     char name[64];
@@ -72,6 +76,42 @@ static void tell(const unit *u, fmi2Status status, const char *text)
     }
 }
 
+/* One step of a law, or its start from given sticks. */
+static @P@_status answer(const unit *u, @P@_state *law, int engage, @P@_real sticks[4])
+{
+    const fmi2Real *x = u->input;
+    const @P@_measurement m = { { (@P@_real)x[0], (@P@_real)x[1], (@P@_real)x[2] },
+        { (@P@_real)x[3], (@P@_real)x[4], (@P@_real)x[5] }, (@P@_real)x[6], (@P@_real)x[7],
+        (@P@_real)x[8] };
+    const @P@_demand demand = { (u->mode == 1) ? @U@_VELOCITY : @U@_ATTITUDE,
+        { (@P@_real)x[9], (@P@_real)x[10] }, (@P@_real)x[11], (@P@_real)x[12] };
+    if (engage != 0) {
+        const @P@_real given[4] = { (@P@_real)x[GIVEN], (@P@_real)x[GIVEN + 1u],
+            (@P@_real)x[GIVEN + 2u], (@P@_real)x[GIVEN + 3u] };
+        const @P@_status status = @P@_engage(law, &m, &demand, given);
+        if (status != @U@_OK) {
+            return status;
+        }
+    }
+    return @P@_step(law, &m, &demand, sticks);
+}
+
+/* Outputs that the inputs ask for, without a step: the law answers on a copy of
+ * its memory. */
+static fmi2Status settle(unit *u)
+{
+    @P@_state copy = u->law;
+    @P@_real sticks[4];
+    if (answer(u, &copy, u->input[ENGAGE] > 0.5, sticks) != @U@_OK) {
+        tell(u, fmi2Error, "an input is not finite");
+        return fmi2Error;
+    }
+    for (unsigned int j = 0u; j < OUTPUTS; j++) {
+        u->output[j] = (fmi2Real)sticks[j];
+    }
+    return fmi2OK;
+}
+
 static void restart(unit *u)
 {
     (void)memset(u->input, 0, sizeof u->input);
@@ -79,6 +119,7 @@ static void restart(unit *u)
     u->time = 0.0;
     u->start = 0.0;
     u->done = 0ul;
+    u->initialising = 0;
     @P@_reset(&u->law);
     for (unsigned int j = 0u; j < OUTPUTS; j++) {
         u->output[j] = (fmi2Real)u->law.sticks[j];
@@ -149,14 +190,15 @@ EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_def
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-    (void)c;
+    ((unit *)c)->initialising = 1;
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
-    (void)c;
-    return fmi2OK;
+    unit *u = (unit *)c;
+    u->initialising = 0;
+    return settle(u);
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component c)
@@ -174,7 +216,10 @@ EXPORT fmi2Status fmi2Reset(fmi2Component c)
 EXPORT fmi2Status fmi2GetReal(
     fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Real value[])
 {
-    const unit *u = (const unit *)c;
+    unit *u = (unit *)c;
+    if ((u->initialising != 0) && (settle(u) != fmi2OK)) {
+        return fmi2Error;
+    }
     for (size_t k = 0u; k < count; k++) {
         if (vr[k] < INPUTS) {
             value[k] = u->input[vr[k]];
@@ -357,12 +402,6 @@ EXPORT fmi2Status fmi2DoStep(
     fmi2Component c, fmi2Real now, fmi2Real size, fmi2Boolean no_set_state)
 {
     unit *u = (unit *)c;
-    const fmi2Real *x = u->input;
-    const @P@_measurement m = { { (@P@_real)x[0], (@P@_real)x[1], (@P@_real)x[2] },
-        { (@P@_real)x[3], (@P@_real)x[4], (@P@_real)x[5] }, (@P@_real)x[6], (@P@_real)x[7],
-        (@P@_real)x[8] };
-    const @P@_demand demand = { (u->mode == 1) ? @U@_VELOCITY : @U@_ATTITUDE,
-        { (@P@_real)x[9], (@P@_real)x[10] }, (@P@_real)x[11], (@P@_real)x[12] };
     const fmi2Real end = now + size;
     /* A thousandth of a step, for times that were summed up. */
     const fmi2Real slack = 0.001 * (fmi2Real)@U@_STEP;
@@ -370,18 +409,22 @@ EXPORT fmi2Status fmi2DoStep(
     if (!(size >= 0.0)) {
         return fmi2Error;
     }
-    if (x[13] > 0.5) {
+    if (u->input[RESET] > 0.5) {
         @P@_reset(&u->law);
     }
+    /* Once a communication step, and at the first step from what the
+     * initialisation asked for. */
+    int engage = u->input[ENGAGE] > 0.5;
     while ((u->start + ((fmi2Real)u->done * (fmi2Real)@U@_STEP) + slack) < end) {
         @P@_real sticks[4];
-        if (@P@_step(&u->law, &m, &demand, sticks) != @U@_OK) {
+        if (answer(u, &u->law, engage, sticks) != @U@_OK) {
             tell(u, fmi2Discard, "an input is not finite");
             return fmi2Discard;
         }
         for (unsigned int j = 0u; j < OUTPUTS; j++) {
             u->output[j] = (fmi2Real)sticks[j];
         }
+        engage = 0;
         u->done++;
     }
     u->time = end;

@@ -3,68 +3,97 @@
 Use in a script:
 
     local law = require("@P@_schedule")
-    local v = law.at(20.0)                -- m/s, true airspeed
-    local k_p = v.gains.roll.k_p          -- 1/s^2
-    local b = v.allocation.lat.phi_ddot   -- % per rad/s^2
+    local K_P = law.place("gains.roll.k_p")       -- once
+    local function update()
+        local speed = law.true_airspeed()
+        if speed then
+            law.look_up(speed)                    -- m/s, true airspeed
+            local k_p = law.value(K_P)            -- 1/s^2
+        end
+        return update, 20
+    end
 
-ArduPilot's Lua computes in 32 bit: seven digits.
+The tables are one string of 32-bit numbers, which is what ArduPilot's Lua
+computes in: seven digits. look_up, value and turn_blend leave no garbage
+behind. The numbers stand in the comments below, too.
 ]]
 
 local law = {}
 
 law.name = "@P@"
 law.requirements_met = @MET@
-law.warnings = {@WARNINGS@}
 
--- Numbers that do not depend on speed.
-law.constants = {
-@CONSTANTS@}
+-- Numbers at one speed, and breakpoints.
+local COUNT, POINTS = @COUNT@, @POINTS@
 
 -- True airspeed of the breakpoints, m/s.
-law.speeds = {@SPEEDS@}
+local SPEEDS = "@SPEEDS@"
 
--- Rows, columns and values of each table, one list of values a breakpoint, by
--- rows.
-law.tables = {
-@TABLES@}
+-- Names of the numbers.
+local NAMES = "\z
+    @NAMES@"
 
--- Every table at a true airspeed in m/s, as values[table][row][column]: linear
--- between breakpoints, constant beyond the ends.
-function law.at(speed)
-    local speeds = law.speeds
+-- The numbers in the order of the names, over the breakpoints:
+--
+@LISTING@
+-- All numbers of a breakpoint, one breakpoint after the other.
+local DATA = "\z
+@DATA@    "
+
+local unpack = string.unpack
+
+-- Places of the breakpoints around the speed that was looked up last, and the
+-- weight of the upper one.
+local low, high, weight = 0, 0, 0.0
+
+-- The place of a number by its name, such as "gains.roll.k_p".
+function law.place(name)
     local k = 0
-    while k < #speeds and speeds[k + 1] <= speed do
+    for other in string.gmatch(NAMES, "%S+") do
+        if other == name then
+            return k
+        end
         k = k + 1
     end
-    local low = math.max(k, 1)
-    local high = low
-    local t = 0.0
-    if k >= 1 and k < #speeds then
-        high = k + 1
-        t = (speed - speeds[low]) / (speeds[high] - speeds[low])
+    error("@P@: there is no number " .. name)
+end
+
+-- Settles the speed at which value() reads: true airspeed, m/s.
+function law.look_up(speed)
+    local k = 0
+    while k < POINTS and unpack("<f", SPEEDS, 4 * k + 1) <= speed do
+        k = k + 1
     end
-    local s = 1.0 - t
-    local values = {}
-    for name, form in pairs(law.tables) do
-        local a, b = form.values[low], form.values[high]
-        local matrix = {}
-        for i, row in ipairs(form.rows) do
-            local line = {}
-            for j, column in ipairs(form.columns) do
-                local n = (i - 1) * #form.columns + j
-                line[column] = s * a[n] + t * b[n]
-            end
-            matrix[row] = line
-        end
-        values[name] = matrix
+    low = math.max(k - 1, 0)
+    high, weight = low, 0.0
+    if k >= 1 and k < POINTS then
+        high = k
+        local a = unpack("<f", SPEEDS, 4 * low + 1)
+        local b = unpack("<f", SPEEDS, 4 * high + 1)
+        weight = (speed - a) / (b - a)
     end
-    return values
+end
+
+-- A number at the speed of look_up: linear between breakpoints, constant beyond
+-- the ends.
+function law.value(place)
+    local a = unpack("<f", DATA, 4 * (low * COUNT + place) + 1)
+    local b = unpack("<f", DATA, 4 * (high * COUNT + place) + 1)
+    return (1.0 - weight) * a + weight * b
+end
+
+-- True airspeed in m/s, or nil: ArduPilot measures equivalent airspeed.
+function law.true_airspeed()
+    local equivalent = ahrs:airspeed_estimate()
+    if not equivalent then
+        return nil
+    end
+    return equivalent * ahrs:get_EAS2TAS()
 end
 
 -- Weight of turn coordination at a true airspeed: 0 below the blend, 1 above.
 function law.turn_blend(airspeed)
-    local c = law.constants
-@TURN_BLEND@    return turn_blend
+@CONSTANTS@@TURN_BLEND@    return turn_blend
 end
 
 return law
