@@ -239,7 +239,21 @@ fn script(input: &Input) -> String {
             })
         })
         .collect();
-    let places: String = names.iter().map(|(name, _)| format!("{name} \\z\n    ")).collect();
+    let forms: String = d
+        .law_tables()
+        .map(|t| format!("    \"{}:{}:{}\",\n", t.name, t.rows.join(" "), t.columns.join(" ")))
+        .collect();
+    let varies: Vec<bool> = (0..names.len())
+        .map(|k| flat.values.iter().any(|v| v[k] as f32 != flat.values[0][k] as f32))
+        .collect();
+    let chosen = |values: &[f64], varying: bool| -> Vec<f64> {
+        values.iter().zip(&varies).filter(|(_, v)| **v == varying).map(|(x, _)| *x).collect()
+    };
+    let kinds: String = varies.iter().map(|v| if *v { 'v' } else { 'c' }).collect();
+    let fixed: String = chosen(&flat.values[0], false)
+        .chunks(8)
+        .map(|numbers| format!("    {}\\z\n", packed(numbers)))
+        .collect();
     let mut listing = String::new();
     for (k, (name, unit)) in names.iter().enumerate() {
         let series: Vec<String> =
@@ -247,7 +261,8 @@ fn script(input: &Input) -> String {
         let entry = format!("{name}, {unit}: {}", series.join(" "));
         listing += &comment(&[entry], "-- ", 96);
     }
-    let data: String = flat.values.iter().map(|v| format!("    {}\\z\n", packed(v))).collect();
+    let data: String =
+        flat.values.iter().map(|v| format!("    \"{}\",\n", packed(&chosen(v, true)))).collect();
     let blend = super::diagram(input, false).only(&["turn_blend"]);
     let mut constants = String::new();
     for (name, unit, meaning, value) in code::constants(&blend) {
@@ -260,8 +275,9 @@ fn script(input: &Input) -> String {
         &[
             ("BANNER", &comment(&d.banner(), "", 96).replace(']', ")")),
             ("MET", if d.requirements_met { "true" } else { "false" }),
-            ("COUNT", &names.len().to_string()),
-            ("NAMES", &places),
+            ("NAMES", &forms),
+            ("KINDS", &kinds),
+            ("FIXED", &fixed),
             ("POINTS", &flat.values.len().to_string()),
             ("SPEEDS", &packed(&d.speed.values)),
             ("LISTING", &listing),

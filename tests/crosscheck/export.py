@@ -190,6 +190,14 @@ def prove_lua(directory, vectors, schemas):
     import lupa.lua53
 
     lua = lupa.lua53.LuaRuntime(unpack_returned_tuples=True)
+    # ArduPilot opens none of these libraries.
+    lua.execute("""
+        local loaded = package.loaded
+        for _, name in ipairs { "os", "debug", "coroutine", "utf8", "package" } do
+            loaded[name], _G[name] = nil, nil
+        end
+        require = nil
+        collectgarbage()""")
     library = round(1024 * lua.eval('collectgarbage("count")'))
     # lupa's limit is for what comes on top.
     lua = lupa.lua53.LuaRuntime(max_memory=LUA_HEAP - library, unpack_returned_tuples=True)

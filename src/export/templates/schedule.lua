@@ -13,7 +13,7 @@ Use in a script:
         return update, 20
     end
 
-The tables are one string of 32-bit numbers, which is what ArduPilot's Lua
+The tables are strings of 32-bit numbers, which is what ArduPilot's Lua
 computes in: seven digits. look_up, value and turn_blend leave no garbage
 behind. The numbers stand in the comments below, too.
 ]]
@@ -23,22 +23,29 @@ local law = {}
 law.name = "@P@"
 law.requirements_met = @MET@
 
--- Numbers at one speed, and breakpoints.
-local COUNT, POINTS = @COUNT@, @POINTS@
+-- Breakpoints.
+local POINTS = @POINTS@
 
 -- True airspeed of the breakpoints, m/s.
 local SPEEDS = "@SPEEDS@"
 
--- Names of the numbers.
-local NAMES = "\z
-    @NAMES@"
+-- Tables, their rows and their columns; numbers follow by rows.
+local TABLES = {
+@NAMES@}
 
--- The numbers in the order of the names, over the breakpoints:
+-- One letter a number: v varies with speed, c is the same at all speeds.
+local KINDS = "@KINDS@"
+
+-- The numbers in their order, over the breakpoints:
 --
 @LISTING@
--- All numbers of a breakpoint, one breakpoint after the other.
-local DATA = "\z
-@DATA@    "
+-- The numbers that vary, of each breakpoint.
+local DATA = {
+@DATA@}
+
+-- Those that do not.
+local FIXED = "\z
+@FIXED@    "
 
 local unpack = string.unpack
 
@@ -49,11 +56,24 @@ local low, high, weight = 0, 0, 0.0
 -- The place of a number by its name, such as "gains.roll.k_p".
 function law.place(name)
     local k = 0
-    for other in string.gmatch(NAMES, "%S+") do
-        if other == name then
-            return k
+    local count = { c = 0, v = 0 }
+    for i = 1, #TABLES do
+        local form, rows, columns = string.match(TABLES[i], "(.*):(.*):(.*)")
+        for row in string.gmatch(rows, "%S+") do
+            for column in string.gmatch(columns, "%S+") do
+                k = k + 1
+                local kind = string.sub(KINDS, k, k)
+                local entry = form .. "." .. row
+                if column ~= "value" then
+                    entry = entry .. "." .. column
+                end
+                if entry == name then
+                    -- Below zero for a number that does not vary.
+                    return kind == "v" and count.v or -1 - count.c
+                end
+                count[kind] = count[kind] + 1
+            end
         end
-        k = k + 1
     end
     error("@P@: there is no number " .. name)
 end
@@ -77,8 +97,11 @@ end
 -- A number at the speed of look_up: linear between breakpoints, constant beyond
 -- the ends.
 function law.value(place)
-    local a = unpack("<f", DATA, 4 * (low * COUNT + place) + 1)
-    local b = unpack("<f", DATA, 4 * (high * COUNT + place) + 1)
+    if place < 0 then
+        return (unpack("<f", FIXED, -4 * place - 3))
+    end
+    local a = unpack("<f", DATA[low + 1], 4 * place + 1)
+    local b = unpack("<f", DATA[high + 1], 4 * place + 1)
     return (1.0 - weight) * a + weight * b
 end
 
