@@ -1,4 +1,5 @@
-//! Trim points, sweeps and linear models of the CoAX 2D.
+//! Trim points, sweeps and linear models of the CoAX 2D; a trim of a hexacopter,
+//! at most 5 ms.
 
 use coaxdesign::linear::linearize;
 use coaxdesign::problem::builtin_named;
@@ -27,6 +28,19 @@ fn point(criterion: &mut Criterion) {
     let guess = neighbour.guess();
     criterion.bench_function("trim from a neighbour", |bencher| {
         bencher.iter(|| black_box(trim(&vehicle, level(45.0), black_box(&guess), &options)));
+    });
+}
+
+/// A hexacopter at 5 m/s from nothing.
+fn hexacopter(criterion: &mut Criterion) {
+    let problem = builtin_named("firefly").expect("a built-in problem").problem;
+    let vehicle = Vehicle::new(&problem).expect("a built-in vehicle");
+    let condition = FlightCondition::level(5.0);
+    criterion.bench_function("trim of a hexacopter", |bencher| {
+        bencher.iter(|| {
+            let guess = Guess::estimate(&vehicle, &condition);
+            black_box(trim(&vehicle, condition, &guess, &Options::default()))
+        });
     });
 }
 
@@ -62,5 +76,5 @@ fn linear_model(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, point, whole_sweep, linear_model);
+criterion_group!(benches, point, whole_sweep, linear_model, hexacopter);
 criterion_main!(benches);

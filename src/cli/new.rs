@@ -17,6 +17,8 @@ enum Kind {
     Helicopter,
     /// A problem file: four rotors whose speeds are the controls
     Multicopter,
+    /// A problem file: four coaxial pairs of propellers, by blade elements
+    CoaxialMulticopter,
     /// A specification: what the gains must meet
     Specification,
     /// A manoeuvre: what is flown
@@ -29,6 +31,7 @@ impl Kind {
             Kind::Coaxial => include_str!("starter.toml"),
             Kind::Helicopter => include_str!("../../examples/light-helicopter.toml"),
             Kind::Multicopter => include_str!("../../problems/hummingbird.toml"),
+            Kind::CoaxialMulticopter => include_str!("../../problems/octo-x8.toml"),
             Kind::Specification => spec::BUILTIN,
             Kind::Maneuver => {
                 let (_, text) = maneuver::BUILTIN
@@ -70,7 +73,7 @@ mod tests {
 
     #[test]
     fn starters_are_sound() {
-        for kind in [Kind::Coaxial, Kind::Helicopter, Kind::Multicopter] {
+        for kind in [Kind::Coaxial, Kind::Helicopter, Kind::Multicopter, Kind::CoaxialMulticopter] {
             let text = kind.text().unwrap();
             // Nothing beside the file is needed.
             let alone = Path::new("/nowhere");

@@ -44,17 +44,18 @@ pub struct Loaded {
 }
 
 /// Names of the built-in problems, the default first.
-pub const BUILTIN: [&str; 6] =
-    ["coax2d", "coax2d-appendix", "coax2d-physics", "uh60a", "hummingbird", "firefly"];
+pub const BUILTIN: [&str; 7] =
+    ["coax2d", "coax2d-appendix", "coax2d-physics", "uh60a", "hummingbird", "firefly", "octo-x8"];
 
 /// Files that are built in.
-const EMBEDDED: [(&str, &str); 12] = [
+const EMBEDDED: [(&str, &str); 13] = [
     ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
     ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
     ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
     ("uh60a.toml", include_str!("../../problems/uh60a.toml")),
     ("hummingbird.toml", include_str!("../../problems/hummingbird.toml")),
     ("firefly.toml", include_str!("../../problems/firefly.toml")),
+    ("octo-x8.toml", include_str!("../../problems/octo-x8.toml")),
     ("airfoils/naca23012.c81", include_str!("../../problems/airfoils/naca23012.c81")),
     ("airfoils/sc1095.c81", include_str!("../../problems/airfoils/sc1095.c81")),
     ("airfoils/uh60a-tail.c81", include_str!("../../problems/airfoils/uh60a-tail.c81")),

@@ -929,7 +929,7 @@ fn report(
             scaled,
         })
         .collect();
-    let margins = margins(vehicle, &sticks, &rotors);
+    let margins = margins(vehicle, &sticks, &rotors, &period.mean);
     let beyond: Vec<String> = margins
         .iter()
         .filter(|margin| margin.fraction() < 0.0)
@@ -972,7 +972,14 @@ fn report(
     }
 }
 
-fn margins(vehicle: &Vehicle, sticks: &[f64; 4], rotors: &[RotorMean]) -> Vec<Margin> {
+/// Of the sticks, of commanded rotor speeds and of blade pitches; not of pitches
+/// that nothing moves on rotors whose speed is commanded.
+fn margins(
+    vehicle: &Vehicle,
+    sticks: &[f64; 4],
+    rotors: &[RotorMean],
+    mean_state: &[f64],
+) -> Vec<Margin> {
     let controls = &vehicle.controls;
     let mut margins: Vec<Margin> = (0..4)
         .map(|k| Margin {
@@ -983,7 +990,20 @@ fn margins(vehicle: &Vehicle, sticks: &[f64; 4], rotors: &[RotorMean]) -> Vec<Ma
         })
         .collect();
     for (index, (rotor, mean)) in vehicle.rotors.iter().zip(rotors).enumerate() {
+        if let Some(place) = vehicle.layout.rotors[index].speed.filter(|_| rotor.commanded) {
+            margins.push(Margin {
+                control: format!("{}.omega", rotor.name),
+                kind: Kind::AngularRateRad,
+                value: mean_state[place],
+                limits: controls.speed_limits[index],
+            });
+        }
+        let mix = &controls.mix[index];
+        let rows = [mix.theta_0, mix.theta_1c, mix.theta_1s];
         for (k, name) in ["theta_0", "theta_1c", "theta_1s"].iter().enumerate() {
+            if rotor.commanded && rows[k] == [0.0; 4] {
+                continue;
+            }
             margins.push(Margin {
                 control: format!("{}.{name}", rotor.name),
                 kind: Kind::Angle,

@@ -37,7 +37,7 @@ use blades::{Blade, BladeAtSpeed, BladeGoverned, MOST_EVALUATED};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
-use interference::{DiskGeometry, Interference, PointWash};
+use interference::{DiskGeometry, Interference, PointWash, SeenPoint};
 pub use layout::{Layout, RotorStates};
 use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
@@ -265,85 +265,110 @@ impl Vehicle {
         self.interference[receiver][source].as_ref()
     }
 
+    /// Interference tables in memory: one for every distinct way in which two
+    /// rotors lie.
+    #[must_use]
+    pub fn interference_tables(&self) -> usize {
+        let mut distinct: Vec<&Interference> = Vec::new();
+        for pair in self.interference.iter().flatten().flatten() {
+            if !distinct.iter().any(|other| other.shares_table(pair)) {
+                distinct.push(pair);
+            }
+        }
+        distinct.len()
+    }
+
+    /// Where a rotor is seen from another.
+    ///
+    /// Public so that the interference of one pair can be built alone.
+    #[must_use]
+    pub fn disk_geometry(&self, receiver: usize, source: usize) -> DiskGeometry {
+        let (receiver, source) = (&self.rotors[receiver], &self.rotors[source]);
+        DiskGeometry {
+            source_radius: source.radius,
+            receiver_radius: receiver.radius,
+            offset: unmirrored(source, &receiver.position_body).into(),
+            receiver_axes: axes_in(source, receiver),
+            source_mirrored: source.frame.handedness < 0.0,
+            receiver_mirrored: if self.formulation.mirrored_interference {
+                receiver.frame.handedness < 0.0
+            } else {
+                source.frame.handedness < 0.0
+            },
+        }
+    }
+
     fn build_interference(&mut self) -> Result<(), VehicleError> {
-        use rayon::prelude::*;
         let count = self.rotors.len();
-        let pairs: Vec<(usize, usize)> =
-            (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).collect();
-        let built: Vec<Result<Option<Interference>, VehicleError>> = pairs
-            .par_iter()
-            .map(|&(i, j)| {
-                let bladed = |rotor: &Rotor| rotor.coefficients.is_none();
-                let both = bladed(&self.rotors[i]) && bladed(&self.rotors[j]);
-                if i == j || !self.inflow.interactions || !both {
-                    return Ok(None);
-                }
-                let (receiver, source) = (&self.rotors[i], &self.rotors[j]);
-                let geometry = DiskGeometry {
-                    source_radius: source.radius,
-                    receiver_radius: receiver.radius,
-                    offset: unmirrored(source, &receiver.position_body).into(),
-                    receiver_axes: axes_in(source, receiver),
-                    source_mirrored: source.frame.handedness < 0.0,
-                    receiver_mirrored: if self.formulation.mirrored_interference {
-                        receiver.frame.handedness < 0.0
-                    } else {
-                        source.frame.handedness < 0.0
-                    },
-                };
-                Interference::new(&geometry, self.formulation.interference_rule).map(Some).map_err(
-                    |error| VehicleError::Interference {
-                        source_rotor: source.name.clone(),
-                        receiver: receiver.name.clone(),
-                        message: error.to_string(),
-                    },
-                )
-            })
-            .collect();
-        let mut built = built.into_iter();
-        self.interference = (0..count)
-            .map(|_| built.by_ref().take(count).collect::<Result<Vec<_>, _>>())
-            .collect::<Result<_, _>>()?;
+        let bladed = |rotor: usize| self.rotors[rotor].coefficients.is_none();
+        let acts = |i: usize, j: usize| i != j && bladed(i) && bladed(j);
+        let pairs: Vec<(usize, usize)> = if self.inflow.interactions {
+            let all = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+            all.filter(|&(i, j)| acts(i, j)).collect()
+        } else {
+            Vec::new()
+        };
+        let geometries: Vec<DiskGeometry> =
+            pairs.iter().map(|&(i, j)| self.disk_geometry(i, j)).collect();
+        let built = Interference::of_all(&geometries, self.formulation.interference_rule).map_err(
+            |(pair, error)| VehicleError::Interference {
+                source_rotor: self.rotors[pairs[pair].1].name.clone(),
+                receiver: self.rotors[pairs[pair].0].name.clone(),
+                message: error.to_string(),
+            },
+        )?;
+        self.interference = vec![vec![None; count]; count];
+        for ((i, j), table) in pairs.into_iter().zip(built) {
+            self.interference[i][j] = Some(table);
+        }
         Ok(())
     }
 
     fn build_wash(&mut self) -> Result<(), VehicleError> {
         use crate::problem::Wash;
-        let wash_at = |point: &[f64; 3], receiver: &str| -> Result<Vec<PointWash>, VehicleError> {
-            use rayon::prelude::*;
-            self.rotors
-                .par_iter()
-                .map(|source| {
-                    PointWash::new(
-                        source.radius,
-                        &unmirrored(source, point).into(),
-                        self.inflow.wash_core,
-                        source.frame.handedness < 0.0,
-                    )
-                    .map_err(|error| VehicleError::Interference {
-                        source_rotor: source.name.clone(),
-                        receiver: receiver.to_owned(),
-                        message: error.to_string(),
-                    })
+        let bodies = self.fuselages.iter().filter(|body| body.wash != Wash::None);
+        let wings = self.wings.iter().filter(|wing| wing.wash != Wash::None);
+        let places: Vec<([f64; 3], &str)> = bodies
+            .map(|body| (body.position_body, body.name.as_str()))
+            .chain(wings.flat_map(|wing| wing.wash_points().map(|at| (at, wing.name.as_str()))))
+            .collect();
+        let seen: Vec<SeenPoint> = places
+            .iter()
+            .flat_map(|(point, _)| {
+                self.rotors.iter().map(|source| SeenPoint {
+                    source_radius: source.radius,
+                    point: unmirrored(source, point).into(),
+                    source_mirrored: source.frame.handedness < 0.0,
                 })
-                .collect()
+            })
+            .collect();
+        let count = self.rotors.len();
+        let tables = if seen.is_empty() {
+            Vec::new()
+        } else {
+            PointWash::of_all(&seen, self.inflow.wash_core).map_err(|(index, error)| {
+                VehicleError::Interference {
+                    source_rotor: self.rotors[index % count].name.clone(),
+                    receiver: places[index / count].1.to_owned(),
+                    message: error.to_string(),
+                }
+            })?
         };
+        let mut tables = tables.into_iter();
+        let mut next = || tables.by_ref().take(count).collect::<Vec<_>>();
         self.fuselage_wash = self
             .fuselages
             .iter()
-            .map(|body| match body.wash {
-                Wash::None => Ok(Vec::new()),
-                _ => wash_at(&body.position_body, &body.name),
-            })
-            .collect::<Result<_, _>>()?;
+            .map(|body| if body.wash == Wash::None { Vec::new() } else { next() })
+            .collect();
         self.wing_wash = self
             .wings
             .iter()
             .map(|wing| match wing.wash {
-                Wash::None => Ok(Vec::new()),
-                _ => wing.wash_points().map(|point| wash_at(&point, &wing.name)).collect(),
+                Wash::None => Vec::new(),
+                _ => wing.wash_points().map(|_| next()).collect(),
             })
-            .collect::<Result<_, _>>()?;
+            .collect();
         Ok(())
     }
 

@@ -68,7 +68,9 @@
 //! Other positions are tabulated over both components of **X**, with a core:
 //! ρ² grows by the square of the core radius, which rounds the rim, and the
 //! infinite cylinder's edge fades over one core radius outward. See
-//! [`GENERAL_CORE`].
+//! [`GENERAL_CORE`]. Turning a pair about the source's shaft turns G, a mirror
+//! changes signs, and lengths count in source radii: so every pair has a
+//! canonical place, and pairs with the same one share a table.
 //!
 //! # Smoothness in hover
 //! When the receiver lies below a source of its own size, the smallest skew
@@ -77,6 +79,7 @@
 //! tip is rounded by putting s/(s² + ε⁴)^¼ for |**X**| in the infinite
 //! cylinder, with s = |**X**|² and ε = [`WAKE_EDGE`]. Hover itself is exact.
 
+mod canonical;
 mod coaxial;
 mod general;
 mod kernel;
@@ -84,11 +87,13 @@ mod kernel;
 mod tests;
 mod wash;
 
-pub use wash::PointWash;
+pub use wash::{PointWash, SeenPoint};
 
+use canonical::{Canonical, Placing};
 use coaxial::{CoaxialMap, LEAST_SEPARATION};
-use general::general_map;
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+use std::sync::Arc;
 use thiserror::Error;
 
 use crate::numerics::interpolation::{Bicubic, GridError};
@@ -169,17 +174,19 @@ pub struct DiskGeometry {
 }
 
 /// Interference of a source on a receiver, tabulated over the skew.
+///
+/// Pairs that lie alike share one table: see [`Interference::of_all`].
 #[derive(Debug, Clone)]
-pub struct Interference(Map);
+pub struct Interference {
+    table: Arc<Map>,
+    placing: Placing,
+}
 
-#[derive(Debug, Clone)]
+/// Tabulated where the pair has its canonical place.
+#[derive(Debug)]
 enum Map {
-    Coaxial {
-        map: CoaxialMap,
-        /// −1 if the receiver's sense of rotation differs from the source's.
-        sine_sign: f64,
-    },
-    General(Box<Bicubic<9>>),
+    Coaxial(CoaxialMap),
+    General(Bicubic<9>),
 }
 
 /// G and its partial derivatives by the components of **X**.
@@ -191,23 +198,49 @@ impl Interference {
     /// # Errors
     /// When the geometry makes no sense: see [`GeometryError`].
     pub fn new(geometry: &DiskGeometry, rule: InterferenceRule) -> Result<Self, GeometryError> {
-        geometry.check()?;
-        let axes = &geometry.receiver_axes;
-        let scaled = geometry.offset / geometry.source_radius;
-        let coaxial = scaled.x.hypot(scaled.y) <= COAXIAL_OFFSET
-            && (axes - Matrix3::identity()).amax() <= COAXIAL_TILT;
-        if !coaxial {
-            return Ok(Self(Map::General(Box::new(general_map(geometry, rule)?))));
+        let (canonical, placing) = Canonical::of(geometry)?;
+        Ok(Self { table: Arc::new(canonical.tabulate(rule)?), placing })
+    }
+
+    /// Tabulates the interference of many pairs. Pairs that are alike but for a
+    /// turn about the source's shaft, a mirror, the size, or the senses of
+    /// rotation share one table; tables are built in parallel.
+    ///
+    /// # Errors
+    /// The place of the first pair that cannot be treated, and why.
+    pub fn of_all(
+        geometries: &[DiskGeometry],
+        rule: InterferenceRule,
+    ) -> Result<Vec<Self>, (usize, GeometryError)> {
+        let mut distinct: Vec<(usize, Canonical)> = Vec::new();
+        let mut placed = Vec::with_capacity(geometries.len());
+        for (pair, geometry) in geometries.iter().enumerate() {
+            let (canonical, placing) = Canonical::of(geometry).map_err(|error| (pair, error))?;
+            let place = distinct.iter().position(|(_, other)| other.is_like(&canonical));
+            let place = place.unwrap_or_else(|| {
+                distinct.push((pair, canonical));
+                distinct.len() - 1
+            });
+            placed.push((place, placing));
         }
-        let radius = geometry.receiver_radius / geometry.source_radius;
-        Ok(Self(Map::Coaxial {
-            map: CoaxialMap::new(-scaled.z, radius, rule)?,
-            sine_sign: if geometry.source_mirrored == geometry.receiver_mirrored {
-                1.0
-            } else {
-                -1.0
-            },
-        }))
+        let build = |(pair, canonical): &(usize, Canonical)| {
+            canonical.tabulate(rule).map(Arc::new).map_err(|error| (*pair, error))
+        };
+        // All are built before one is asked, so that the error does not hang on
+        // the order of threads.
+        let built: Vec<_> = distinct.par_iter().map(build).collect();
+        let tables = built.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let shared = |(place, placing): (usize, Placing)| Self {
+            table: Arc::clone(&tables[place]),
+            placing,
+        };
+        Ok(placed.into_iter().map(shared).collect())
+    }
+
+    /// Whether two pairs read one table.
+    #[must_use]
+    pub fn shares_table(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.table, &other.table)
     }
 
     /// G at skew **X** (components x, y in the source's own hub axes): maps
@@ -221,27 +254,28 @@ impl Interference {
     /// G, ∂G/∂X_x and ∂G/∂X_y at skew **X**.
     #[inline]
     pub fn evaluate_with_partials(&self, x: [f64; 2]) -> WithPartials {
-        match &self.0 {
-            Map::Coaxial { map, sine_sign } => {
-                // Aft and right: the directions of azimuth 0 and 90°.
-                let (mut g, by_aft, mut by_y) = map.evaluate([-x[0], x[1]]);
-                let mut by_x = -by_aft;
-                for m in [&mut g, &mut by_x, &mut by_y] {
+        // Aft and right: the directions of azimuth 0 and 90°.
+        let skew = [-x[0], x[1]];
+        let placing = &self.placing;
+        let (g, by_aft, by_right) = match &*self.table {
+            Map::Coaxial(map) => {
+                let (mut g, mut by_aft, mut by_right) = map.evaluate(skew);
+                for m in [&mut g, &mut by_aft, &mut by_right] {
                     for column in 0..3 {
-                        m[(2, column)] *= sine_sign;
+                        m[(2, column)] *= placing.sine_sign;
                     }
                 }
-                (g, by_x, by_y)
+                (g, by_aft, by_right)
             }
             Map::General(table) => {
-                let v = table.evaluate(x[0], x[1]);
-                (
-                    Matrix3::from_row_slice(&v.value),
-                    Matrix3::from_row_slice(&v.x),
-                    Matrix3::from_row_slice(&v.y),
-                )
+                let [aft, right] = placing.skew(skew);
+                let v = table.evaluate(aft, right);
+                let [value, a, r] = [v.value, v.x, v.y].map(|m| placing.matrix(&m));
+                let (by_aft, by_right) = placing.gradient(a, r);
+                (value, by_aft, by_right)
             }
-        }
+        };
+        (g, -by_aft, by_right)
     }
 }
 

@@ -338,10 +338,12 @@ proptest! {
 
     #[test]
     fn partials_agree_with_differences(x in -0.7f64..0.7, y in -0.7f64..0.7, up in any::<bool>(), mirrored in any::<bool>()) {
-        let pair = Interference(Map::Coaxial {
-            map: PAIR[if up { 0 } else { 1 }].clone(),
-            sine_sign: if mirrored { -1.0 } else { 1.0 },
-        });
+        let geometry = DiskGeometry { receiver_mirrored: mirrored, ..coaxial(0.5) };
+        let (_, placing) = Canonical::of(&geometry).unwrap();
+        let pair = Interference {
+            table: Arc::new(Map::Coaxial(PAIR[if up { 0 } else { 1 }].clone())),
+            placing,
+        };
         let (g, by_x, by_y) = pair.evaluate_with_partials([x, y]);
         prop_assert_eq!(g, pair.evaluate([x, y]));
         let h = 1e-6;
@@ -389,6 +391,25 @@ fn opposite_rotation_changes_the_sign_of_the_sine_row() {
     assert_eq!(both.evaluate(x), same.evaluate(x));
 }
 
+fn seen(source_radius: f64, point: Vector3<f64>) -> SeenPoint {
+    SeenPoint { source_radius, point, source_mirrored: false }
+}
+
+/// Quadrature over a receiver where it lies, from a source of radius 1 that
+/// turns counter-clockwise.
+fn whole_disk(geometry: &DiskGeometry) -> (Vec<DiskPoint>, Rims) {
+    let points = disk_points(
+        &SeenDisk {
+            radius: geometry.receiver_radius,
+            offset: geometry.offset,
+            axes: geometry.receiver_axes,
+        },
+        Converged,
+    );
+    let rims = Rims::new(&points);
+    (points, rims)
+}
+
 /// A tandem pair: receiver behind, above and a little to the right.
 fn tandem() -> DiskGeometry {
     DiskGeometry {
@@ -423,13 +444,12 @@ fn a_mirrored_vehicle_has_the_same_interference() {
 fn the_general_table_follows_its_integrals() {
     let geometry = tandem();
     let pair = Interference::new(&geometry, Converged).unwrap();
-    let points = disk_points(&geometry, Converged);
-    let rim = cored_rim(GENERAL_CORE);
+    let (points, rims) = whole_disk(&geometry);
     for k in 0..60 {
         // Points of the sunflower on the unit disk.
         let (t, angle) = ((k as f64 / 60.0).sqrt(), 2.399963 * k as f64);
         let x = [t * angle.cos(), t * angle.sin()];
-        let direct = general_matrix(&points, [-x[0], x[1]], &rim);
+        let direct = general_matrix(&points, [-x[0], x[1]], &rims);
         let direct = Matrix3::from_row_slice(&direct);
         let error = (pair.evaluate(x) - direct).amax();
         assert!(error < 0.02, "{x:?} {error}");
@@ -440,10 +460,10 @@ fn the_general_table_follows_its_integrals() {
 fn the_general_way_agrees_with_the_coaxial_one() {
     for height in [H, -H, 1.0, -1.0] {
         let geometry = coaxial(height);
-        let points = disk_points(&geometry, Converged);
+        let (points, rims) = whole_disk(&geometry);
         let exact = map(height, Converged);
         for x in [[0.0, 0.0], [0.2, 0.1], [-0.5, 0.3], [0.3, -0.9]] {
-            let direct = general_matrix(&points, x, &cored_rim(GENERAL_CORE));
+            let direct = general_matrix(&points, x, &rims);
             let error = (Matrix3::from_row_slice(&direct) - exact.evaluate(x).0).amax();
             assert!(error < 1.5 * GENERAL_CORE, "{height} {x:?} {error}");
         }
@@ -459,7 +479,7 @@ fn the_wash_averages_to_the_first_row_of_g() {
     for (r, dr) in gauss_legendre(0.0, 1.0, 4) {
         for (cos, sin) in periodic_nodes(12) {
             let arm = geometry.receiver_axes * Vector3::new(-cos, sin, 0.0) * (0.9 * r);
-            let wash = PointWash::new(1.0, &(geometry.offset + arm), GENERAL_CORE, false).unwrap();
+            let wash = PointWash::new(&seen(1.0, geometry.offset + arm), GENERAL_CORE).unwrap();
             let w = wash.evaluate(x);
             for c in 0..3 {
                 average[c] += cosine * w[c] * 2.0 * r * dr / 12.0;
@@ -476,7 +496,7 @@ fn the_wash_averages_to_the_first_row_of_g() {
 fn wash_below_a_hovering_rotor_doubles_downstream() {
     let wash = |down: f64| {
         let point = Vector3::new(-0.2, 0.3, down) * 3.0;
-        PointWash::new(3.0, &point, 0.05, false).unwrap()
+        PointWash::new(&seen(3.0, point), 0.05).unwrap()
     };
     // Twice w is the flow over that of the disk.
     assert!((2.0 * wash(6.0).evaluate([0.0, 0.0])[0] - 2.0).abs() < 0.02);
@@ -509,6 +529,108 @@ fn bad_geometry_is_refused_in_words() {
         refuse(DiskGeometry { receiver_axes: Matrix3::identity() * 2.0, ..coaxial(0.5) }),
         "the attitude of the receiver is not finite or not a rotation"
     );
-    let error = PointWash::new(1.0, &Vector3::zeros(), 0.0, false).unwrap_err();
+    let error = PointWash::new(&seen(1.0, Vector3::zeros()), 0.0).unwrap_err();
     assert_eq!(error, GeometryError::Core { value: 0.0 });
+}
+
+/// Rotors at the corners of a square, two over one another at each: eight, of
+/// senses that change around it and from above to below.
+fn corners() -> Vec<DiskGeometry> {
+    let side = 2.6;
+    let rotor = |k: usize| {
+        let (x, y) = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)][k % 4];
+        let place = Vector3::new(0.5 * side * x, 0.5 * side * y, if k < 4 { 0.0 } else { 0.4 });
+        (place, (k + k / 4).is_multiple_of(2))
+    };
+    let mut pairs = Vec::new();
+    for receiver in 0..8 {
+        for source in (0..8).filter(|&source| source != receiver) {
+            let ((at, receiver_mirrored), (from, source_mirrored)) =
+                (rotor(receiver), rotor(source));
+            pairs.push(DiskGeometry {
+                offset: at - from,
+                source_mirrored,
+                receiver_mirrored,
+                ..coaxial(0.0)
+            });
+        }
+    }
+    pairs
+}
+
+/// Eight rotors make 56 pairs of eight kinds: over and under one another, and at
+/// two distances at the same level, above and below. What a pair reads from a shared table is what it
+/// reads from its own.
+#[test]
+fn alike_pairs_share_a_table_and_read_what_their_own_would_say() {
+    let pairs = corners();
+    let shared = Interference::of_all(&pairs, Converged).unwrap();
+    let mut distinct: Vec<&Interference> = Vec::new();
+    for pair in &shared {
+        if !distinct.iter().any(|other| other.shares_table(pair)) {
+            distinct.push(pair);
+        }
+    }
+    assert_eq!((pairs.len(), distinct.len()), (56, 8));
+    for (pair, geometry) in shared.iter().zip(&pairs).step_by(5) {
+        let own = Interference::new(geometry, Converged).unwrap();
+        for x in [[0.0, 0.0], [-0.4, 0.1], [0.2, -0.7], [0.9, 0.3]] {
+            let (a, b) = (pair.evaluate_with_partials(x), own.evaluate_with_partials(x));
+            for (a, b) in [(a.0, b.0), (a.1, b.1), (a.2, b.2)] {
+                assert!(a.iter().all(|v| v.is_finite()));
+                assert!((a - b).amax() < 1e-12, "{geometry:?} {x:?}");
+            }
+        }
+    }
+}
+
+/// The canonical place loses nothing: at nodes of the table, where a turn by a
+/// quarter leaves nodes nodes, G is the integral over the disk where it is; so
+/// are a tilted receiver's and a mirrored one's everywhere to the table's error.
+#[test]
+fn a_pair_in_its_canonical_place_is_the_pair_where_it_is() {
+    let tilted = |x, y, z, roll, pitch, yaw| DiskGeometry {
+        offset: Vector3::new(x, y, z),
+        receiver_radius: 0.8,
+        receiver_axes: *nalgebra::Rotation3::from_euler_angles(roll, pitch, yaw).matrix(),
+        ..coaxial(0.0)
+    };
+    for geometry in [
+        tilted(0.0, 2.2, 0.0, 0.0, 0.0, 0.0),
+        tilted(0.0, -2.2, 0.7, 0.0, 0.0, 0.0),
+        tilted(2.2, 0.0, -0.7, 0.0, 0.0, 0.3),
+        tilted(1.7, -1.6, 0.5, 0.2, -0.1, 0.4),
+        tilted(-1.5, 1.9, 0.9, -0.3, 0.2, 0.0),
+        tilted(0.0, 0.0, 0.9, 0.5, 0.1, 0.0),
+    ] {
+        let pair = Interference::new(&geometry, Converged).unwrap();
+        let (points, rims) = whole_disk(&geometry);
+        let turned_by_quarters =
+            geometry.offset.x * geometry.offset.y == 0.0 && geometry.receiver_axes[(2, 2)] == 1.0;
+        for x in [[0.0, 0.0], [0.25, 0.5], [-0.5, 0.125], [-0.375, -0.5]] {
+            let direct = Matrix3::from_row_slice(&general_matrix(&points, [-x[0], x[1]], &rims));
+            let error = (pair.evaluate(x) - direct).amax();
+            let most = if turned_by_quarters { 1e-6 } else { 0.02 };
+            assert!(error < most, "{geometry:?} {x:?}: {error}");
+        }
+        let h = 1e-6;
+        let (_, by_x, by_y) = pair.evaluate_with_partials([0.31, -0.23]);
+        let dx = (pair.evaluate([0.31 + h, -0.23]) - pair.evaluate([0.31 - h, -0.23])) / (2.0 * h);
+        let dy = (pair.evaluate([0.31, -0.23 + h]) - pair.evaluate([0.31, -0.23 - h])) / (2.0 * h);
+        assert!((by_x - dx).amax() < 1e-7 && (by_y - dy).amax() < 1e-7, "{geometry:?}");
+    }
+}
+
+/// Fewer rim azimuths far from the wake leave what the whole rim leaves.
+#[test]
+fn few_rim_azimuths_are_enough_far_from_the_wake() {
+    for geometry in corners().iter().step_by(6).chain([&tandem()]) {
+        let (points, rims) = whole_disk(&DiskGeometry { source_radius: 1.0, ..geometry.clone() });
+        let whole = Rims::of_core_only();
+        for skew in [[0.0, 0.0], [0.3, -0.4], [0.8, 0.2], [0.6, 0.8]] {
+            let few = Matrix3::from_row_slice(&general_matrix(&points, skew, &rims));
+            let all = Matrix3::from_row_slice(&general_matrix(&points, skew, &whole));
+            assert!((few - all).amax() < 2e-5, "{geometry:?} {skew:?}: {}", (few - all).amax());
+        }
+    }
 }
