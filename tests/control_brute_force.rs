@@ -1,11 +1,12 @@
 //! The conic tuning against a global search on the exact metrics.
 
 use coaxdesign::control::axis::Channel;
-use coaxdesign::control::loops::{ChannelLoops, Cut, LawSettings, LoopModel};
+use coaxdesign::control::law::{LawPoint, LawTable, TurnCoordination};
+use coaxdesign::control::loops::{ChannelLoops, Cut, GainGrid, LawSettings, LoopModel};
 use coaxdesign::control::metrics::{self, Sampled};
 use coaxdesign::control::testbed;
 use coaxdesign::control::tuning::{
-    ChannelSpec, Targets, TuningOptions, TuningProblem, default_grid,
+    ChannelSpec, Targets, Tuning, TuningOptions, TuningProblem, default_grid,
 };
 use std::sync::Arc;
 
@@ -20,6 +21,19 @@ const SETTINGS: LawSettings = LawSettings {
     heave_time_constant: 2.0,
     notch: coaxdesign::law::mdi::Notches { roll: None, pitch: None, yaw: None, heave: None },
 };
+
+const TURN: TurnCoordination = TurnCoordination { speed: 25.7, width: 5.1 };
+
+/// The law as tuned.
+fn table(tuned: &Tuning) -> LawTable {
+    let points = tuned.speeds.iter().zip(&tuned.gains).zip(&tuned.inversions);
+    let points = points.map(|((&speed, &gains), inversion)| LawPoint {
+        speed,
+        gains,
+        inversion: inversion.clone(),
+    });
+    LawTable::new(points.collect(), SETTINGS, TURN).unwrap()
+}
 
 fn targets(drb: f64, crossover: Option<[f64; 2]>) -> Targets {
     Targets {
@@ -204,20 +218,14 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
             between: Vec::new(),
             hardware: testbed::HARDWARE,
             settings: SETTINGS,
+            turn: TURN,
             channels: specs.clone(),
             options: without_back_off(0.02),
         };
         let tuned = problem.tune(None).unwrap();
         let grid = judging_grid(500);
-        let model = LoopModel::new(
-            &set.plants[0][0],
-            &tuned.inversions[0],
-            &SETTINGS,
-            testbed::HARDWARE,
-            0.0,
-            grid,
-        )
-        .unwrap();
+        let law = GainGrid::new(&table(&tuned), tuned.speeds[0], grid);
+        let model = LoopModel::new(&set.plants[0][0], &law, testbed::HARDWARE, 0.0).unwrap();
         let l = model.channel(&tuned.gains[0], channel, &[Cut::Effector]);
         let spec = &specs.iter().find(|s| s.0 == channel).unwrap().1;
         let x = tuned.gains[0][channel.index()].values(channel);
@@ -247,6 +255,7 @@ fn tuning_beats_a_thousand_pole_placements_everywhere() {
         between: Vec::new(),
         hardware: testbed::HARDWARE,
         settings: SETTINGS,
+        turn: TURN,
         channels: specs.clone(),
         options: without_back_off(0.0),
     };
@@ -254,15 +263,8 @@ fn tuning_beats_a_thousand_pole_placements_everywhere() {
     let grid = judging_grid(300);
     let (mut compared, mut lost) = (0, Vec::new());
     for (v, speed) in speeds.iter().enumerate() {
-        let model = LoopModel::new(
-            &set.plants[v][0],
-            &tuned.inversions[v],
-            &SETTINGS,
-            testbed::HARDWARE,
-            0.0,
-            grid.clone(),
-        )
-        .unwrap();
+        let law = GainGrid::new(&table(&tuned), tuned.speeds[v], grid.clone());
+        let model = LoopModel::new(&set.plants[v][0], &law, testbed::HARDWARE, 0.0).unwrap();
         for (channel, spec) in &specs {
             let l = model.channel(&tuned.gains[v], *channel, &[Cut::Effector]);
             let x = tuned.gains[v][channel.index()].values(*channel);

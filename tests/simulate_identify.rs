@@ -6,7 +6,8 @@
 use std::sync::{Arc, LazyLock};
 
 use coaxdesign::control::axis::{Axis, Channel, GainSet};
-use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
+use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
+use coaxdesign::control::loops::{Cut, FrequencyModel};
 use coaxdesign::control::metrics;
 use coaxdesign::control::models::{airframe, from_state_space};
 use coaxdesign::control::plant::{Plant, rigid};
@@ -74,25 +75,23 @@ fn predict(measured: &Response, exact: impl Fn(f64) -> num_complex::Complex64) -
 /// held acceptable.
 fn everything_agrees(speed: f64) {
     let (start, plant, law, options) = ready(speed);
-    let point = law.table.at(speed);
-    let grid: Arc<[f64]> = default_grid(0.01, 100.0, 300).into();
-    let model =
-        LoopModel::new(&plant, &point.inversion, &law.table.settings, DESIGN.hardware, 0.0, grid)
-            .unwrap();
-    let gains: GainSet = inner_only(&point.gains);
+    let frequency = FrequencyModel::new(&plant, DESIGN.hardware, 0.0).unwrap();
+    // Measured with the outer loops open.
+    let linear = LawLoop::new(&law.table, speed, false);
+    let model = PlantLoop::new(&frequency, &linear);
     let settings = Sweep::default();
     let all = measure_axes(&VEHICLE, &start, &law, &options, &settings, &Axis::ALL).unwrap();
     for measured in &all {
         let axis = measured.axis;
         let channel = Channel::from(axis);
         let cut = measured.cut.coherent();
-        let linear = predict(&cut, |w| model.loop_at(&gains, channel, Cut::Effector, w));
+        let linear = predict(&cut, |w| model.at(w).cut(channel, Cut::Effector));
         let (flown, linear) = (cut.margins(), linear.margins());
         near(&format!("{axis} crossover"), flown.crossover, linear.crossover);
         near(&format!("{axis} phase margin"), flown.phase, linear.phase);
         near(&format!("{axis} gain margin"), flown.gain_up, linear.gain_up);
         let s = measured.sensitivity.as_ref().unwrap().coherent();
-        let linear = predict(&s, |w| model.sensitivity_at(&gains, channel, w));
+        let linear = predict(&s, |w| model.at(w).sensitivity(channel));
         let flown = s.rejection();
         let gap = s.largest_gap(&linear.value, SLOWEST_REJECTION).unwrap();
         assert!(gap < REJECTION_GAP, "{axis}: |S| is {gap} dB off");
@@ -113,7 +112,7 @@ fn everything_agrees(speed: f64) {
         near(&format!("{axis} DRP"), db(flown.peak), db(predicted.peak));
         if let Some(c) = &measured.command {
             let c = c.coherent();
-            let linear = predict(&c, |w| model.attitude_response_at(&gains, axis, w));
+            let linear = predict(&c, |w| model.at(w).attitude(axis));
             let (flown, linear) = (c.bandwidth(), linear.bandwidth());
             near(&format!("{axis} bandwidth"), flown.phase_limited, linear.phase_limited);
             near(&format!("{axis} phase delay"), flown.phase_delay, linear.phase_delay);

@@ -686,7 +686,8 @@ pub(super) fn figures(
     verification: &Verification,
     system: System,
 ) -> Result<Vec<(String, Figure)>, CliError> {
-    use coaxdesign::control::loops::{Cut, LoopModel};
+    use coaxdesign::control::closed_loop::{Closed, LawLoop, PlantLoop};
+    use coaxdesign::control::loops::{Cut, FrequencyModel};
     let unit = Kind::Airspeed.symbol(system);
     let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
     let mut panels = Vec::new();
@@ -754,30 +755,21 @@ pub(super) fn figures(
                 continue;
             }
             let p = &table.points()[k];
-            let model = LoopModel::new(
-                &nodes.plants[k][0],
-                &p.inversion,
-                &table.settings,
-                spec.hardware,
-                0.0,
-                grid.clone(),
-            )
-            .map_err(|e| CliError::Internal(e.to_string()))?;
-            let (gains, cut) = if c.channel.is_outer() {
-                (p.gains, Cut::Channel)
-            } else {
-                (coaxdesign::control::verify::inner_only(&p.gains), Cut::Effector)
-            };
-            let values = gains[c.channel.index()].values(c.channel);
-            let l = model.channel(&gains, c.channel, &[cut]);
+            let frequency = FrequencyModel::new(&nodes.plants[k][0], spec.hardware, 0.0)
+                .map_err(|e| CliError::Internal(e.to_string()))?;
+            let outer = c.channel.is_outer();
+            let cut = if outer { Cut::Channel } else { Cut::Effector };
+            let law = LawLoop::new(table, p.speed, outer);
+            let model = PlantLoop::new(&frequency, &law);
+            let closed: Vec<Closed> = grid.iter().map(|&w| model.at(w)).collect();
             let response = |response| FrequencyResponse {
                 name: speed_text(p.speed, system),
                 style,
                 frequency: grid.to_vec(),
                 response,
             };
-            loops.push(response(l.loop_curve(0, &values)));
-            rejections.push(response(l.sensitivity_curve(&values)));
+            loops.push(response(closed.iter().map(|at| at.cut(c.channel, cut)).collect()));
+            rejections.push(response(closed.iter().map(|at| at.sensitivity(c.channel)).collect()));
         }
         let t = &c.spec.nominal;
         let region = ExclusionRegion {

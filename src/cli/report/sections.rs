@@ -832,6 +832,7 @@ fn margin_figures(
         columns: Vec::new(),
         rows: Vec::new(),
         stability: Vec::new(),
+        not_required: Vec::new(),
     };
     let verification = inputs.checked.as_ref().map_or(&empty, |c| &c.verification);
     design_figures(
