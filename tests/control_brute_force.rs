@@ -65,13 +65,14 @@ fn specs() -> Vec<(Channel, ChannelSpec)> {
 }
 
 /// Back-offs are for the dense verification: what the tuning is compared with
-/// here has none, and next to none are left. High prices, since it may not miss by a thousandth either.
+/// here has none, and next to none are left: for |S| what it rises between the
+/// frequencies at which the tuning looks. High prices, since it may not miss by a thousandth either.
 fn without_back_off(smoothing: f64) -> TuningOptions {
     TuningOptions {
         smoothing,
         phase_back_off: 0.02f64.to_radians(),
         gain_back_off: 0.0,
-        rejection_back_off: 0.006,
+        rejection_back_off: 0.027,
         price_scale: 10.0,
         ..TuningOptions::default()
     }
@@ -242,32 +243,33 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
     }
 }
 
-/// Over ten speeds and four axes, tuned jointly: no pole placement of a
-/// thousand meets the exact metrics with less activity. Gains are not held
-/// together over speed here, as a pole placement at each speed is not either.
+/// At each of ten speeds four axes, tuned jointly: no pole placement of a
+/// thousand meets the exact metrics with less activity. Each speed is a law of
+/// its own: a pole placement knows nothing of other speeds either, and the
+/// slopes of the test bed's made-up trims over airspeed, which feed back under
+/// an attitude demand, are those of no aircraft.
 #[test]
 fn tuning_beats_a_thousand_pole_placements_everywhere() {
-    let speeds: Vec<f64> = (0..10).map(|k| 8.5 * f64::from(k)).collect();
-    let set = testbed::model_set(&speeds, false);
     let specs = specs();
-    let problem = TuningProblem {
-        set: &set,
-        between: Vec::new(),
-        hardware: testbed::HARDWARE,
-        settings: SETTINGS,
-        turn: TURN,
-        channels: specs.clone(),
-        options: without_back_off(0.0),
-    };
-    let tuned = problem.tune(None).unwrap();
     let grid = judging_grid(300);
     let (mut compared, mut lost) = (0, Vec::new());
-    for (v, speed) in speeds.iter().enumerate() {
-        let law = GainGrid::new(&table(&tuned), tuned.speeds[v], grid.clone());
-        let model = LoopModel::new(&set.plants[v][0], &law, testbed::HARDWARE, 0.0).unwrap();
+    for speed in (0..10).map(|k| 8.5 * f64::from(k)) {
+        let set = testbed::model_set(&[speed], false);
+        let problem = TuningProblem {
+            set: &set,
+            between: Vec::new(),
+            hardware: testbed::HARDWARE,
+            settings: SETTINGS,
+            turn: TURN,
+            channels: specs.clone(),
+            options: without_back_off(0.0),
+        };
+        let tuned = problem.tune(None).unwrap();
+        let law = GainGrid::new(&table(&tuned), tuned.speeds[0], grid.clone());
+        let model = LoopModel::new(&set.plants[0][0], &law, testbed::HARDWARE, 0.0).unwrap();
         for (channel, spec) in &specs {
-            let l = model.channel(&tuned.gains[v], *channel, &[Cut::Effector]);
-            let x = tuned.gains[v][channel.index()].values(*channel);
+            let l = model.channel(&tuned.gains[0], *channel, &[Cut::Effector]);
+            let x = tuned.gains[0][channel.index()].values(*channel);
             let (activity, bad) = judge(&l, spec, &x, &x);
             let placed = pole_placements(&l, spec, &x);
             let line = format!(

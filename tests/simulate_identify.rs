@@ -3,16 +3,14 @@
 //! The two share neither models nor methods: sweeps and steps through the full
 //! nonlinear vehicle with the discrete law, and linear models.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
-use coaxdesign::control::axis::{Axis, Channel, GainSet};
+use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
 use coaxdesign::control::loops::{Cut, FrequencyModel};
 use coaxdesign::control::metrics;
 use coaxdesign::control::models::{airframe, from_state_space};
 use coaxdesign::control::plant::{Plant, rigid};
-use coaxdesign::control::tuning::default_grid;
-use coaxdesign::control::verify::inner_only;
 use coaxdesign::linear::linearize::{self, averaged};
 use coaxdesign::problem::builtin_named;
 use coaxdesign::schedule::Schedule;

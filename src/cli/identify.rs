@@ -405,12 +405,7 @@ fn as_table(pairs: &[Pair], speed: f64, system: System) -> Table {
     table
 }
 
-fn as_json(
-    pairs: &[Pair],
-    measured: &[Measured],
-    model: &PlantLoop,
-    speed: f64,
-) -> Json {
+fn as_json(pairs: &[Pair], measured: &[Measured], model: &PlantLoop, speed: f64) -> Json {
     let numbers: Vec<Json> = pairs
         .iter()
         .map(|pair| {
@@ -462,22 +457,14 @@ fn as_json(
     })
 }
 
-fn figure(
-    measured: &[Measured],
-    model: &PlantLoop,
-    speed: f64,
-    system: System,
-) -> String {
+fn figure(measured: &[Measured], model: &PlantLoop, speed: f64, system: System) -> String {
     let channels: Vec<BodeChannel> = measured
         .iter()
         .map(|m| {
             let flown = m.cut.coherent();
             let channel = Channel::from(m.axis);
-            let predicted: Vec<Complex64> = flown
-                .omega
-                .iter()
-                .map(|&w| model.at(w).cut(channel, Cut::Effector))
-                .collect();
+            let predicted: Vec<Complex64> =
+                flown.omega.iter().map(|&w| model.at(w).cut(channel, Cut::Effector)).collect();
             let curve = |name: &str, style, response| FrequencyResponse {
                 name: name.into(),
                 style,

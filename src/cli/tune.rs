@@ -17,7 +17,7 @@ use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
-use coaxdesign::control::verify::{Authority, Verdict, Verification};
+use coaxdesign::control::verify::{Authority, Fading, NotRequired, Verdict, Verification};
 use coaxdesign::pipeline::{
     PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
     verification_document,
@@ -458,6 +458,9 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
         verdict(Verdict::Stable).count(),
         v.stability.len()
     );
+    for n in &v.not_required {
+        text += &format!("  {}\n", not_required_text(n, system));
+    }
     for s in v.stability.iter().filter(|s| s.verdict == Verdict::Unsure) {
         text += &format!(
             "  not shown stable: model {} at {}, outer loops {}: largest real part {:.2e} 1/s, \
@@ -479,6 +482,20 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
                  outer loops open, and held where these are closed.\n"
             );
         }
+    }
+    text
+}
+
+/// That an outer loop is held to no requirement at a speed, and why.
+pub(super) fn not_required_text(n: &NotRequired, system: System) -> String {
+    let mut text = format!(
+        "{} at {} is held to no requirement: {}",
+        n.axis,
+        speed_text(n.speed_m_s, system),
+        n.reason.words()
+    );
+    if n.reason == Fading::TurnCoordination {
+        text += &format!(" and leaves it {:.0} % of it", 100.0 * n.share);
     }
     text
 }

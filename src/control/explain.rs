@@ -138,8 +138,7 @@ pub fn explain(
     let point = table.at(plant.speed);
     let law = GainGrid::new(table, plant.speed, grid.into());
     let model = LoopModel::new(plant, &law, spec.hardware, 0.0)?;
-    let models =
-        LoopSet { nodes: vec![vec![model]], undivided: vec![None], between: Vec::new() };
+    let models = LoopSet { nodes: vec![vec![model]], undivided: vec![None], between: Vec::new() };
     let start =
         if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
     // Gains that strain for what cannot be had are a bad start for what can.

@@ -14,8 +14,8 @@
 
 use super::axis::{Axis, Channel, Effector, GainSet};
 use super::plant::{Inversion, rigid};
-use crate::law::mdi::{self, Choices, MONITORS};
 use crate::law::diagram::Tap;
+use crate::law::mdi::{self, Choices, MONITORS};
 use crate::law::{Breakpoints, Diagram, LinearLaw, Memory, Program};
 use std::sync::Arc;
 
@@ -618,6 +618,7 @@ pub const MEASURED: [usize; 8] =
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::axis::ChannelGains;
     use crate::control::testbed;
     use crate::control::tuning::start_gains;
     use approx::assert_relative_eq;
@@ -911,6 +912,57 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// The derivative of the linear law by each gain is what the port at it
+    /// gives: the law is affine in a channel's gains, so that differences of any
+    /// size are exact. In both modes, in the blend of turn coordination too.
+    #[test]
+    fn derivative_by_each_gain_is_that_of_its_port() {
+        let table = on_lines();
+        let mut compared = 0;
+        for (speed, velocity_mode) in [(8.0, false), (8.0, true), (25.0, true), (33.0, false)] {
+            for channel in Channel::ALL {
+                for gain in channel.gains() {
+                    let name = ["k_d", "k_p", "k_i"][gain.index()];
+                    let place = crate::law::tables::place("gains", channel.name(), name).unwrap();
+                    let linearizer = Linearizer::new(&table, &[place]);
+                    let tap = &linearizer.taps()[0];
+                    let law = linearizer.at(speed, velocity_mode);
+                    let (input, signal) =
+                        (law.input(&tap.input).unwrap(), law.output(&tap.signal).unwrap());
+                    let with = |by: f64| {
+                        let moved = table.with_gains(|k| {
+                            let mut gains = table.points()[k].gains;
+                            let mut values = gains[channel.index()].array();
+                            values[gain.index()] += by;
+                            gains[channel.index()] =
+                                ChannelGains::new(values[0], values[1], values[2]);
+                            gains
+                        });
+                        Linearizer::new(&moved, &[place]).at(speed, velocity_mode)
+                    };
+                    let (up, down) = (with(0.05), with(-0.05));
+                    let mut felt = 0.0f64;
+                    for (a, b, column, row) in [
+                        (&up.a, &down.a, law.b.column(input), law.c.row(signal)),
+                        (&up.b, &down.b, law.b.column(input), law.d.row(signal)),
+                        (&up.c, &down.c, law.d.column(input), law.c.row(signal)),
+                        (&up.d, &down.d, law.d.column(input), law.d.row(signal)),
+                    ] {
+                        let found = (a - b) / 0.1;
+                        let wanted = column * row;
+                        let size = wanted.amax().max(1.0);
+                        assert!((found - &wanted).amax() < 1e-9 * size, "{channel} {name} {speed}");
+                        felt = felt.max(wanted.amax());
+                    }
+                    // Outer gains do nothing under an attitude demand.
+                    assert_eq!(felt > 0.0, velocity_mode || !channel.is_outer());
+                    compared += 1;
+                }
+            }
+        }
+        assert_eq!(compared, 4 * 14);
     }
 
     /// In the limit of a short step the law is what it is at a short step.

@@ -201,8 +201,7 @@ impl GainLaw {
     /// The law of a table at a speed, m/s, whatever the table's gains are.
     pub fn new(table: &LawTable, speed: f64) -> Self {
         let table = table.with_gains(|_| GainSet::default());
-        let entries: Vec<usize> =
-            gains_of_law().filter_map(|(c, g)| gain_place(c, g)).collect();
+        let entries: Vec<usize> = gains_of_law().filter_map(|(c, g)| gain_place(c, g)).collect();
         let linearizer = Linearizer::new(&table, &entries);
         // All gains of a channel act at the same place: the port of one serves.
         let mut inputs: Vec<&str> = tables::STATES.iter().map(|s| s.0).collect();
@@ -305,9 +304,7 @@ impl Point {
             *row = row_times(&law.direct[i], x);
             row[i] += ONE;
         }
-        let rows = std::array::from_fn(|c| {
-            std::array::from_fn(|g| row_times(&law.sees[c][g], x))
-        });
+        let rows = std::array::from_fn(|c| std::array::from_fn(|g| row_times(&law.sees[c][g], x)));
         Self { base, columns: law.columns, rows, around: law.around, noise: law.noise }
     }
 

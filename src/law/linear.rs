@@ -172,9 +172,9 @@ impl LinearLaw {
         let spread = |mut set: Vec<bool>, joins: &dyn Fn(usize, usize) -> bool| -> Vec<bool> {
             let mut open: Vec<usize> = (0..size).filter(|k| set[*k]).collect();
             while let Some(k) = open.pop() {
-                for other in 0..size {
-                    if !set[other] && joins(k, other) {
-                        set[other] = true;
+                for (other, known) in set.iter_mut().enumerate() {
+                    if !*known && joins(k, other) {
+                        *known = true;
                         open.push(other);
                     }
                 }
@@ -190,8 +190,7 @@ impl LinearLaw {
             &|k, other| by(k, other) != 0.0,
         );
         let kept: Vec<usize> = (0..n).filter(|k| moved[*k] && seen[*k]).collect();
-        let kept_lines: Vec<usize> =
-            (0..lines).filter(|k| moved[n + k] && seen[n + k]).collect();
+        let kept_lines: Vec<usize> = (0..lines).filter(|k| moved[n + k] && seen[n + k]).collect();
         let columns: Vec<usize> =
             columns.into_iter().chain(kept_lines.iter().map(|k| first_late + k)).collect();
         let rows: Vec<usize> =

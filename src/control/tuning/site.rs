@@ -149,8 +149,7 @@ impl SiteMaker<'_> {
             };
             let blended: GainSet =
                 std::array::from_fn(|c| gains[b.lower][c].blend(&gains[b.lower + 1][c], b.weight));
-            let fading =
-                next.is_none() || b.model.law().share(self.channel) < WHOLE_SHARE;
+            let fading = next.is_none() || b.model.law().share(self.channel) < WHOLE_SHARE;
             let cuts = if fading { &self.cuts()[..1] } else { self.cuts() };
             self.variants(&blended)
                 .into_iter()
