@@ -214,11 +214,52 @@ fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
         return read.map(Airfoil::Table);
     }
     analytic_warnings(host, table);
+    let polar = Polar {
+        linear: table.number("drag_linear")?,
+        quadratic: table.number("drag_quadratic")?,
+        stall: table.number("stall"),
+    };
+    let small_angles = table.flag("small_angles")?;
+    if small_angles && polar != Polar::default() {
+        host.finding(
+            Severity::Error,
+            table.place("small_angles"),
+            &table.key_path("small_angles"),
+            "the published blade loads have constant drag and no stall".into(),
+            "remove `small_angles`, or `drag_linear`, `drag_quadratic` and `stall`".into(),
+        );
+        return None;
+    }
+    if polar.quadratic > 0.0 {
+        let drag = table.number("drag")?;
+        let least = drag - 0.25 * polar.linear * polar.linear / polar.quadratic;
+        if least < 0.0 {
+            host.finding(
+                Severity::Error,
+                table.place("drag_linear"),
+                &table.key_path("drag_linear"),
+                format!("the drag polar falls to {least:.5}"),
+                "no section has negative drag; check `drag`, `drag_linear` and `drag_quadratic`"
+                    .into(),
+            );
+            return None;
+        }
+    } else if polar.linear != 0.0 {
+        host.finding(
+            Severity::Error,
+            table.place("drag_linear"),
+            &table.key_path("drag_linear"),
+            "a drag that only falls or rises with the angle becomes negative".into(),
+            "give `drag_quadratic` too, such as \"0.4 1/rad^2\"".into(),
+        );
+        return None;
+    }
     Some(Airfoil::Analytic {
         lift_slope: table.number("lift_slope")?,
         zero_lift_angle: table.number("zero_lift_angle")?,
         drag: table.number("drag")?,
-        small_angles: table.flag("small_angles")?,
+        polar,
+        small_angles,
     })
 }
 
@@ -426,6 +467,7 @@ fn rotor(
         twist: table.spanwise("twist")?,
         root_cutout: table.number("root_cutout")?,
         tip_loss: table.number("tip_loss")?,
+        induced_power_factor: table.number("induced_power_factor")?,
         elements: table.count("elements")?,
         airfoil: section?,
         precone: table.number("precone")?,
@@ -482,11 +524,13 @@ fn rotor_by_coefficients(
         twist: none,
         root_cutout: 0.0,
         tip_loss: 1.0,
+        induced_power_factor: 1.0,
         elements: 1,
         airfoil: Airfoil::Analytic {
             lift_slope: 0.0,
             zero_lift_angle: 0.0,
             drag: 0.0,
+            polar: Polar::default(),
             small_angles: false,
         },
         precone: 0.0,
@@ -686,6 +730,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             _ => TotalInflow::Algebraic,
         },
         wash_core: table.number("wash_core")?,
+        wash_edge: table.number("wash_edge")?,
     })
 }
 

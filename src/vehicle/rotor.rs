@@ -115,6 +115,10 @@ pub struct Rotor {
     pub commanded: bool,
     /// Thrust and torque by coefficients in place of blades.
     pub coefficients: Option<RotorCoefficients>,
+    /// Tip-loss factor B: momentum theory sees a disk of radius B R.
+    pub tip_loss: f64,
+    /// Factor κ on self-induced inflow as the blades meet it.
+    pub induced_power_factor: f64,
     /// Teetering, or rigid.
     pub teetering: bool,
     /// Azimuths, evenly over the turn, whose mean stands for the blades of a
@@ -365,6 +369,8 @@ impl Rotor {
                 .or(rotor.motor.map(|motor| motor.time_constant)),
             commanded: rotor.motor.is_some(),
             coefficients: rotor.coefficients,
+            tip_loss: rotor.tip_loss,
+            induced_power_factor: rotor.induced_power_factor,
             teetering,
             evaluated: rotor.blades,
             averaged: false,
@@ -390,6 +396,7 @@ impl Rotor {
                     zero_lift_angle,
                     drag,
                     small_angles: true,
+                    ..
                 } => Some(SmallAngles { lift_slope, zero_lift_angle, drag }),
                 _ => None,
             },
