@@ -560,7 +560,8 @@ fn bad_geometry_is_refused_in_words() {
         refuse(DiskGeometry { receiver_axes: Matrix3::identity() * 2.0, ..coaxial(0.5) }),
         "the attitude of the receiver is not finite or not a rotation"
     );
-    let error = PointWash::new(&seen(1.0, Vector3::zeros()), 0.0).unwrap_err();
+    let error = PointWash::new(&seen(1.0, Vector3::zeros()), WashWidth { core: 0.0, edge: 0.15 })
+        .unwrap_err();
     assert_eq!(error, GeometryError::Core { value: 0.0 });
 }
 
