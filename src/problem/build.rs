@@ -18,7 +18,8 @@ const TIP_MACH_WARNING: f64 = 0.95;
 const TRIANGLE_SLACK: f64 = 1e-9;
 
 /// Keys that belong to some kinds of hub only.
-const HUB_KEYS: [(&str, &[&str]); 9] = [
+const HUB_KEYS: [(&str, &[&str]); 10] = [
+    ("drive_train", &["teetering"]),
     ("undersling", &["teetering", "gimballed"]),
     ("teeter_spring", &["teetering"]),
     ("delta_3", &["teetering", "gimballed", "articulated", "hingeless"]),
@@ -89,17 +90,27 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         .collect();
     let controls =
         root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
+    let reference = match root.choice("reference")? {
+        "coax2d-paper" => Some(Reference::Coax2dPaper),
+        _ => None,
+    };
+    let mut rotors: Vec<Rotor> = rotors.into_iter().collect::<Option<_>>()?;
+    if reference == Some(Reference::Coax2dPaper) {
+        // The paper holds the speed.
+        for (rotor, (_, table)) in rotors.iter_mut().zip(rotor_tables) {
+            if !table.given("drive_train") {
+                rotor.drive_train = DriveTrain::Held;
+            }
+        }
+    }
     Some(Problem {
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
-        reference: match root.choice("reference")? {
-            "coax2d-paper" => Some(Reference::Coax2dPaper),
-            _ => None,
-        },
+        reference,
         mass: mass?,
         atmosphere: atmosphere?,
         fuselages: fuselages.into_iter().collect::<Option<_>>()?,
-        rotors: rotors.into_iter().collect::<Option<_>>()?,
+        rotors,
         wings: wings.into_iter().collect::<Option<_>>()?,
         inflow: inflow?,
         formulation: formulation?,
@@ -481,6 +492,10 @@ fn rotor(
         governor,
         motor: motor(table),
         coefficients: None,
+        drive_train: match table.choice("drive_train") {
+            Some("held") => DriveTrain::Held,
+            _ => DriveTrain::Soft,
+        },
         azimuth: azimuth(table),
     })
 }
@@ -543,6 +558,7 @@ fn rotor_by_coefficients(
         azimuth_offset: table.number("azimuth_offset")?,
         governor,
         motor: motor(table),
+        drive_train: DriveTrain::Held,
         coefficients: Some(RotorCoefficients {
             thrust: coefficients.number("thrust")?,
             torque: coefficients.number("torque")?,

@@ -586,6 +586,19 @@ static ROTOR: Table = Table {
             "\"0 lbf ft/rad\"",
             "Teeter spring. Teetering hubs only.",
         ),
+        optional(
+            "drive_train",
+            Value::Choice(&[
+                (
+                    "soft",
+                    "soft at twice a revolution: the Coriolis moment of flapping blades goes into \
+                     their speed",
+                ),
+                ("held", "the shaft holds its speed and carries that moment"),
+            ]),
+            "soft; held in files with `reference = \"coax2d-paper\"`, whose equations hold the speed",
+            "Drive train of a teetering rotor that is resolved. Teetering hubs only.",
+        ),
         default(
             "delta_3",
             Value::Quantity(Kind::Angle, above_below("-80 deg", "80 deg")),
@@ -670,6 +683,7 @@ static ROTOR: Table = Table {
             "gimbal_damping",
             "undersling",
             "teeter_spring",
+            "drive_train",
             "delta_3",
             "swashplate_phase",
         ],

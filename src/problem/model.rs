@@ -376,6 +376,8 @@ pub struct Rotor {
     pub speed: f64,
     /// Azimuth of blade 1 when the reference azimuth is zero, rad.
     pub azimuth_offset: f64,
+    /// What becomes of the torque ripple of teetering blades.
+    pub drive_train: DriveTrain,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
     /// Motor whose speed the sticks command; not beside a governor.
@@ -397,6 +399,18 @@ pub enum AzimuthModel {
     /// Its loads are their means over all azimuths at each instant, as if its
     /// blades were many: it has no period of its own.
     Averaged,
+}
+
+/// What a drive train makes of the Coriolis moment of teetering blades, which goes
+/// with twice the rotor speed: −2 I Ω β β' in the plane of the blades.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DriveTrain {
+    /// Softer than that: the blades turn a little faster as they flap, so that
+    /// their moment of momentum stays, and the shaft carries no ripple. The limit
+    /// of a hub that turns freely at twice a revolution.
+    Soft,
+    /// Infinitely stiff: the shaft holds its speed and carries the moment.
+    Held,
 }
 
 /// Equation of the teeter motion.

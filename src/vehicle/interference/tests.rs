@@ -538,7 +538,7 @@ fn the_edge_of_a_wake_has_a_width() {
     println!("{} {} {} {}", steepest(&sharp), steepest(&wide), bend(&sharp), bend(&wide));
     assert!(steepest(&wide) < 0.6 * steepest(&sharp));
     assert!(bend(&wide) < 0.5 * bend(&sharp), "{} {}", bend(&wide), bend(&sharp));
-    for x in [0.0, -0.6] {
+    for x in [0.5, -0.6] {
         let (a, b) = (sharp.evaluate([x, 0.0]), wide.evaluate([x, 0.0]));
         assert!((a[0] - b[0]).abs() < 0.03, "{x}: {a:?} {b:?}");
     }

@@ -175,7 +175,14 @@ impl PointWash {
         }
         let [a, b, c] = &values;
         let ends = [Ends::Parabolic; 2];
-        Ok(Self(Arc::new(Bicubic::new(&axis, &axis, [a, b, c], ends)?)))
+        // What has a width bears splines, whose derivatives have no kinks; a sharp
+        // edge would make them ring.
+        let table = if edge > 0.0 {
+            Bicubic::spline(&axis, &axis, [a, b, c], ends)?
+        } else {
+            Bicubic::new(&axis, &axis, [a, b, c], ends)?
+        };
+        Ok(Self(Arc::new(table)))
     }
 
     /// Inflow ratio at the point, positive down the source's shaft, for each
