@@ -690,7 +690,7 @@ impl Rotor {
             // into an acceleration of the blades instead; both have no mean.
             let ripple = tilt_s * beta_rate * omega * (jz + jy - jx);
             let gained = ripple * (1.0 / jz);
-            alpha[2] = alpha[2] - gained;
+            alpha[2] -= gained;
             alpha[0] += tilt_s * gained / tilt_c;
         }
         let (mx_f, my_f) =
