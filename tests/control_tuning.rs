@@ -186,8 +186,9 @@ fn regress_loop_outside_its_speed_range_is_left_open() {
 /// the same change of activity, to first order.
 #[test]
 fn prices_from_the_duals_agree_with_solving_again() {
+    use coaxdesign::control::law::{LawPoint, LawTable};
     use coaxdesign::control::loops::Cut;
-    use coaxdesign::control::loops::LoopModel;
+    use coaxdesign::control::loops::{GainGrid, LoopModel};
     use coaxdesign::control::metrics::{self, Sampled};
     use coaxdesign::control::tuning::{Price, Target, TuningProblem, default_grid};
     let base = with(|s| {
@@ -208,6 +209,7 @@ fn prices_from_the_duals_agree_with_solving_again() {
             between: Vec::new(),
             hardware: base.hardware,
             settings,
+            turn: base.turn,
             channels: vec![(Channel::Roll, spec)],
             options: base.solver.clone(),
         };
@@ -216,8 +218,11 @@ fn prices_from_the_duals_agree_with_solving_again() {
         assert!(worst < 1e-3, "the targets must be met for a price: {worst}");
         let grid = default_grid(0.002, 60.0, 900).into();
         let plant = &nodes.plants[0][0];
-        let model =
-            LoopModel::new(plant, &t.inversions[0], &settings, base.hardware, 0.0, grid).unwrap();
+        let point =
+            LawPoint { speed: plant.speed, gains: t.gains[0], inversion: t.inversions[0].clone() };
+        let table = LawTable::new(vec![point], settings, base.turn).unwrap();
+        let law = GainGrid::new(&table, plant.speed, grid);
+        let model = LoopModel::new(plant, &law, base.hardware, 0.0).unwrap();
         let l = model.channel(&t.gains[0], Channel::Roll, &[Cut::Effector]);
         let u = l.activity_curve(&t.gains[0][0].values(Channel::Roll));
         (metrics::activity(Sampled::new(&l.omega, &u), metrics::ACTIVITY_BAND), t.prices)

@@ -213,7 +213,8 @@ fn allocation_is_triangular_and_meets_the_power_it_assumes() {
 #[test]
 fn inner_gains_stay_affine_with_the_outer_loops_closed() {
     use coaxdesign::control::axis::{Channel, GainSet};
-    use coaxdesign::control::loops::{Cut, LawSettings, LoopModel, affine_value, with_channel};
+    use coaxdesign::control::law::{LawSettings, TurnCoordination};
+    use coaxdesign::control::loops::{Cut, GainGrid, LoopModel, affine_value, with_channel};
     use coaxdesign::control::tuning::start_gains;
     let settings = LawSettings {
         kappa: 0.4,
@@ -233,8 +234,12 @@ fn inner_gains_stay_affine_with_the_outer_loops_closed() {
         gains[c.index()] = start_gains(c, 0.15, [0.0, 10.0]);
     }
     let omega: Vec<f64> = vec![0.1, 0.7, 2.0, 5.0];
-    let model = LoopModel::new(&plant, &inversion, &settings, testbed::HARDWARE, 0.0, omega.into())
-        .unwrap();
+    let point = LawPoint { speed: 12.0, gains, inversion };
+    // In the blend, where each outer loop moves more than its own axis.
+    let turn = TurnCoordination { speed: 12.0, width: 5.0 };
+    let table = LawTable::new(vec![point], settings, turn).unwrap();
+    let grid = GainGrid::new(&table, 12.0, omega.into());
+    let model = LoopModel::new(&plant, &grid, testbed::HARDWARE, 0.0).unwrap();
     for channel in Channel::ALL {
         let loops = model.channel(&gains, channel, &[Cut::Effector]);
         let x: Vec<f64> =

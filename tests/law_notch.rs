@@ -7,7 +7,7 @@ use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
 use coaxdesign::control::law::{
     Controller, Demand, Horizontal, LawPoint, LawSettings, LawTable, Measurement, TurnCoordination,
 };
-use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
+use coaxdesign::control::loops::{Cut, FrequencyModel, GainGrid, LoopModel};
 use coaxdesign::control::plant::Inversion;
 use coaxdesign::control::tuning::start_gains;
 use coaxdesign::control::{spec, testbed};
@@ -63,15 +63,8 @@ fn the_loops_have_it() {
     for notch in [Notches::default(), pitch()] {
         let table = table(notch);
         let point = &table.points()[0];
-        let affine = LoopModel::new(
-            &plant,
-            &point.inversion,
-            &table.settings,
-            testbed::HARDWARE,
-            0.0,
-            omega.clone(),
-        )
-        .unwrap();
+        let grid = GainGrid::new(&table, 15.0, omega.clone());
+        let affine = LoopModel::new(&plant, &grid, testbed::HARDWARE, 0.0).unwrap();
         let law = LawLoop::new(&table, 15.0, false);
         let of = PlantLoop::new(&frequency, &law);
         let inner = inner_only(&point.gains);

@@ -1,7 +1,6 @@
 //! `coaxdesign identify`.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::Args;
 use num_complex::Complex64;
@@ -12,13 +11,12 @@ use super::bode::speed_text;
 use super::designs::{Opened, SourceArgs};
 use super::trim::parse_speeds;
 use super::{CliError, Outcome, output};
-use coaxdesign::control::axis::{Axis, Channel, GainSet};
-use coaxdesign::control::loops::{Cut, FrequencyModel, LoopModel};
+use coaxdesign::control::axis::{Axis, Channel};
+use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
+use coaxdesign::control::loops::{Cut, FrequencyModel};
 use coaxdesign::control::metrics::decibels;
 use coaxdesign::control::models::{airframe, from_state_space};
 use coaxdesign::control::plant::rigid;
-use coaxdesign::control::tuning::default_grid;
-use coaxdesign::control::verify::inner_only;
 use coaxdesign::linear::linearize::{self, averaged};
 use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, time_history_figure,
@@ -141,12 +139,11 @@ impl Identify {
         };
         let full = averaged(&vehicle, &start, &linearize::Options::default())?;
         let plant = from_state_space(&full, speed, airframe(start.point()))?;
-        let grid: Arc<[f64]> = default_grid(0.01, 100.0, 900).into();
-        let point = table.at(speed);
-        let model =
-            LoopModel::new(&plant, &point.inversion, &table.settings, schedule.hardware, 0.0, grid)
-                .map_err(|error| CliError::Missed(error.to_string()))?;
-        let gains = inner_only(&point.gains);
+        let frequency = FrequencyModel::new(&plant, schedule.hardware, 0.0)
+            .map_err(|error| CliError::Missed(error.to_string()))?;
+        // Measured with the outer loops open.
+        let linear = LawLoop::new(&table, speed, false);
+        let model = PlantLoop::new(&frequency, &linear);
         let law = Autopilot { table, stick_limits: schedule.stick_limits };
         let options =
             Options::new(schedule.hardware, opened.requirements.specification.pitch_rate_limit);
@@ -158,20 +155,18 @@ impl Identify {
         }
         let measured = measure_axes(&vehicle, &start, &law, &options, &settings, &Axis::ALL)
             .map_err(|error| CliError::Missed(error.to_string()))?;
-        let mut pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model, &gains)).collect();
+        let mut pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model)).collect();
         let records: Vec<Record> = measured.iter().map(|m| m.record.clone()).collect();
         let period = 1.0 / options.control_rate;
         let alone = identify::plant(&records, period, PLANT_FREQUENCIES, settings.points);
-        let exact = FrequencyModel::new(&plant, schedule.hardware, 0.0)
-            .map_err(|error| CliError::Missed(error.to_string()))?;
-        pairs.extend(plant_pairs(&alone, &exact));
+        pairs.extend(plant_pairs(&alone, &frequency));
         if let Some(path) = &self.plot {
-            let svg = figure(&measured, &model, &gains, speed, system);
+            let svg = figure(&measured, &model, speed, system);
             output::write_whole(path, svg.as_bytes(), self.output.force)?;
         }
         let text = match self.format.of(&self.output)? {
             Format::Json => {
-                let value = as_json(&pairs, &measured, &model, &gains, speed);
+                let value = as_json(&pairs, &measured, &model, speed);
                 let text = serde_json::to_string_pretty(&opened.with_head(&value))
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
@@ -318,7 +313,7 @@ fn steps_figure(list: &[SmallStep], speed: f64, system: System) -> String {
     time_history_figure(&title, 2, &panels).to_svg()
 }
 
-fn pairs(m: &Measured, model: &LoopModel, gains: &GainSet) -> Vec<Pair> {
+fn pairs(m: &Measured, model: &PlantLoop) -> Vec<Pair> {
     let axis = m.axis;
     let channel = Channel::from(axis);
     let mut list: Vec<Pair> = Vec::new();
@@ -326,7 +321,7 @@ fn pairs(m: &Measured, model: &LoopModel, gains: &GainSet) -> Vec<Pair> {
         list.push(Pair { axis, quantity, unit, measured, interval: None, predicted });
     };
     let cut = m.cut.coherent();
-    let linear = predicted(&cut, |w| model.loop_at(gains, channel, Cut::Effector, w));
+    let linear = predicted(&cut, |w| model.at(w).cut(channel, Cut::Effector));
     let (flown, linear) = (cut.margins(), linear.margins());
     add("crossover", "rad/s", flown.crossover, linear.crossover);
     let degrees = |x: Option<f64>| x.map(f64::to_degrees);
@@ -336,14 +331,14 @@ fn pairs(m: &Measured, model: &LoopModel, gains: &GainSet) -> Vec<Pair> {
     add("gain margin down", "dB", db(flown.gain_down), db(linear.gain_down));
     if let Some(c) = &m.command {
         let c = c.coherent();
-        let linear = predicted(&c, |w| model.attitude_response_at(gains, axis, w));
+        let linear = predicted(&c, |w| model.at(w).attitude(axis));
         let (flown, linear) = (c.bandwidth(), linear.bandwidth());
         add("bandwidth", "rad/s", flown.phase_limited, linear.phase_limited);
         add("phase delay", "s", flown.phase_delay, linear.phase_delay);
     }
     if let Some(s) = &m.sensitivity {
         let s = s.coherent();
-        let linear = predicted(&s, |w| model.sensitivity_at(gains, channel, w));
+        let linear = predicted(&s, |w| model.at(w).sensitivity(channel));
         let apart = s.largest_gap(&linear.value, SLOWEST_REJECTION);
         let (flown, linear) = (s.rejection(), linear.rejection());
         add("DRP", "dB", Some(decibels(flown.peak)), Some(decibels(linear.peak)));
@@ -410,13 +405,7 @@ fn as_table(pairs: &[Pair], speed: f64, system: System) -> Table {
     table
 }
 
-fn as_json(
-    pairs: &[Pair],
-    measured: &[Measured],
-    model: &LoopModel,
-    gains: &GainSet,
-    speed: f64,
-) -> Json {
+fn as_json(pairs: &[Pair], measured: &[Measured], model: &PlantLoop, speed: f64) -> Json {
     let numbers: Vec<Json> = pairs
         .iter()
         .map(|pair| {
@@ -449,9 +438,9 @@ fn as_json(
         .iter()
         .map(|m| {
             let channel = Channel::from(m.axis);
-            let cut = |w: f64| model.loop_at(gains, channel, Cut::Effector, w);
-            let sensitivity = |w: f64| model.sensitivity_at(gains, channel, w);
-            let command = |w: f64| model.attitude_response_at(gains, m.axis, w);
+            let cut = |w: f64| model.at(w).cut(channel, Cut::Effector);
+            let sensitivity = |w: f64| model.at(w).sensitivity(channel);
+            let command = |w: f64| model.at(w).attitude(m.axis);
             json!({
                 "axis": m.axis.name(),
                 "loop": response(&m.cut, &cut),
@@ -468,23 +457,14 @@ fn as_json(
     })
 }
 
-fn figure(
-    measured: &[Measured],
-    model: &LoopModel,
-    gains: &GainSet,
-    speed: f64,
-    system: System,
-) -> String {
+fn figure(measured: &[Measured], model: &PlantLoop, speed: f64, system: System) -> String {
     let channels: Vec<BodeChannel> = measured
         .iter()
         .map(|m| {
             let flown = m.cut.coherent();
             let channel = Channel::from(m.axis);
-            let predicted: Vec<Complex64> = flown
-                .omega
-                .iter()
-                .map(|&w| model.loop_at(gains, channel, Cut::Effector, w))
-                .collect();
+            let predicted: Vec<Complex64> =
+                flown.omega.iter().map(|&w| model.at(w).cut(channel, Cut::Effector)).collect();
             let curve = |name: &str, style, response| FrequencyResponse {
                 name: name.into(),
                 style,

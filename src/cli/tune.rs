@@ -17,7 +17,7 @@ use coaxdesign::control::models::LeftOut;
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
-use coaxdesign::control::verify::{Authority, Verdict, Verification};
+use coaxdesign::control::verify::{Authority, Fading, NotRequired, Verdict, Verification};
 use coaxdesign::pipeline::{
     PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
     verification_document,
@@ -458,6 +458,9 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
         verdict(Verdict::Stable).count(),
         v.stability.len()
     );
+    for n in &v.not_required {
+        text += &format!("  {}\n", not_required_text(n, system));
+    }
     for s in v.stability.iter().filter(|s| s.verdict == Verdict::Unsure) {
         text += &format!(
             "  not shown stable: model {} at {}, outer loops {}: largest real part {:.2e} 1/s, \
@@ -479,6 +482,20 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
                  outer loops open, and held where these are closed.\n"
             );
         }
+    }
+    text
+}
+
+/// That an outer loop is held to no requirement at a speed, and why.
+pub(super) fn not_required_text(n: &NotRequired, system: System) -> String {
+    let mut text = format!(
+        "{} at {} is held to no requirement: {}",
+        n.axis,
+        speed_text(n.speed_m_s, system),
+        n.reason.words()
+    );
+    if n.reason == Fading::TurnCoordination {
+        text += &format!(" and leaves it {:.0} % of it", 100.0 * n.share);
     }
     text
 }
@@ -686,7 +703,8 @@ pub(super) fn figures(
     verification: &Verification,
     system: System,
 ) -> Result<Vec<(String, Figure)>, CliError> {
-    use coaxdesign::control::loops::{Cut, LoopModel};
+    use coaxdesign::control::closed_loop::{Closed, LawLoop, PlantLoop};
+    use coaxdesign::control::loops::{Cut, FrequencyModel};
     let unit = Kind::Airspeed.symbol(system);
     let x: Vec<f64> = table.points().iter().map(|p| speed(p.speed, system)).collect();
     let mut panels = Vec::new();
@@ -754,30 +772,21 @@ pub(super) fn figures(
                 continue;
             }
             let p = &table.points()[k];
-            let model = LoopModel::new(
-                &nodes.plants[k][0],
-                &p.inversion,
-                &table.settings,
-                spec.hardware,
-                0.0,
-                grid.clone(),
-            )
-            .map_err(|e| CliError::Internal(e.to_string()))?;
-            let (gains, cut) = if c.channel.is_outer() {
-                (p.gains, Cut::Channel)
-            } else {
-                (coaxdesign::control::verify::inner_only(&p.gains), Cut::Effector)
-            };
-            let values = gains[c.channel.index()].values(c.channel);
-            let l = model.channel(&gains, c.channel, &[cut]);
+            let frequency = FrequencyModel::new(&nodes.plants[k][0], spec.hardware, 0.0)
+                .map_err(|e| CliError::Internal(e.to_string()))?;
+            let outer = c.channel.is_outer();
+            let cut = if outer { Cut::Channel } else { Cut::Effector };
+            let law = LawLoop::new(table, p.speed, outer);
+            let model = PlantLoop::new(&frequency, &law);
+            let closed: Vec<Closed> = grid.iter().map(|&w| model.at(w)).collect();
             let response = |response| FrequencyResponse {
                 name: speed_text(p.speed, system),
                 style,
                 frequency: grid.to_vec(),
                 response,
             };
-            loops.push(response(l.loop_curve(0, &values)));
-            rejections.push(response(l.sensitivity_curve(&values)));
+            loops.push(response(closed.iter().map(|at| at.cut(c.channel, cut)).collect()));
+            rejections.push(response(closed.iter().map(|at| at.sensitivity(c.channel)).collect()));
         }
         let t = &c.spec.nominal;
         let region = ExclusionRegion {

@@ -30,13 +30,13 @@ use num_complex::Complex64 as C;
 const ZERO: C = C::new(0.0, 0.0);
 const ONE: C = C::new(1.0, 0.0);
 
-/// Sticks and what is held, as the diagram names them.
+/// Sticks, as the diagram names them.
+pub(super) const STICKS: [&str; 4] = ["lat_held", "lon_held", "col_held", "ped_held"];
+/// Sticks and what is held.
 const SEEN: [&str; 8] =
-    ["lat_held", "lon_held", "col_held", "ped_held", "held_heading", "v_z", "v_x", "v_y"];
-/// Outputs besides the sticks.
-const HELD: usize = SEEN.len() - 4;
+    [STICKS[0], STICKS[1], STICKS[2], STICKS[3], "held_heading", "v_z", "v_x", "v_y"];
 /// Measured states.
-const STATES: usize = 8;
+pub(super) const STATES: usize = 8;
 /// Where the airspeed stands among the law's inputs.
 const AIRSPEED: usize = STATES;
 /// Inputs of the diagram before the ports; the mode is no input of a linear
@@ -46,7 +46,7 @@ const PORTS: usize = mdi::PORTS.len();
 
 /// Places among the ports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Port {
+pub(super) enum Port {
     Phi,
     Theta,
     Heading,
@@ -58,6 +58,30 @@ enum Port {
     Vy,
     PhiCommand,
     ThetaCommand,
+}
+
+/// How white noise on what a channel measures enters, at s: on the rate of an
+/// attitude (the attitude is its integral), on the yaw rate, on a velocity. By
+/// places among [`mdi::PORTS`].
+pub(super) fn noise_ports(channel: Channel, s: C) -> Vec<(Port, C)> {
+    match channel {
+        Channel::Roll => vec![(Port::PhiRate, ONE), (Port::Phi, s.inv())],
+        Channel::Pitch => vec![(Port::ThetaRate, ONE), (Port::Theta, s.inv())],
+        Channel::Yaw => vec![(Port::R, ONE)],
+        Channel::Heave => vec![(Port::Vz, ONE)],
+        Channel::Vx => vec![(Port::Vx, ONE)],
+        Channel::Vy => vec![(Port::Vy, ONE)],
+    }
+}
+
+/// The law in still air: its airspeed moves as the velocity over the ground
+/// forward.
+pub(super) fn still_air(law: &LinearLaw) -> LinearLaw {
+    let forward: Vec<f64> = law.output("v_x").map_or_else(Vec::new, |row| {
+        // No memory stands between.
+        law.d.row(row).columns(0, STATES).iter().copied().collect()
+    });
+    law.with_input_from(AIRSPEED, &forward)
 }
 
 /// The law at a speed and in a mode, ready for any frequency.
@@ -81,20 +105,18 @@ impl LawLoop {
     /// The law at a speed, m/s: with the outer loops under a velocity demand,
     /// without them under an attitude demand.
     pub fn new(table: &LawTable, speed: f64, velocity_mode: bool) -> Self {
-        let law = table.linear(speed, velocity_mode).seen_by(&SEEN);
-        Self { law, delay: table.settings.reference_delay }
+        Self::from_linear(&table.linear(speed, velocity_mode), table.settings.reference_delay)
+    }
+
+    /// From a linear law with the inputs and outputs of [`LawTable::linear`]
+    /// and the delay of its references, s.
+    pub fn from_linear(law: &LinearLaw, delay: f64) -> Self {
+        Self { law: still_air(law).seen_by(&SEEN), delay }
     }
 
     /// The linear law.
     pub fn law(&self) -> &LinearLaw {
         &self.law
-    }
-
-    /// Outputs from measured states, the airspeed taken as that of still air.
-    fn still_air(&self, whole: impl Fn(usize, usize) -> C) -> SMatrix<C, 8, 8> {
-        // Forward velocity from states: no memory stands between.
-        let forward = |k: usize| self.law.d[(4 + HELD - 2, k)];
-        SMatrix::from_fn(|i, k| whole(i, k) + whole(i, AIRSPEED) * forward(k))
     }
 
     /// The response at ω, rad/s.
@@ -107,7 +129,7 @@ impl LawLoop {
             .response(C::new(0.0, omega), late)
             .unwrap_or_else(|| DMatrix::from_element(SEEN.len(), BEFORE_PORTS + PORTS, ZERO));
         LawResponse {
-            states: self.still_air(|i, k| whole[(i, k)]),
+            states: SMatrix::from_fn(|i, k| whole[(i, k)]),
             ports: SMatrix::from_fn(|i, k| whole[(i, BEFORE_PORTS + k)]),
         }
     }
@@ -209,16 +231,8 @@ impl Closed {
     /// rate of an attitude (which is its integral), on the yaw rate, on a
     /// velocity.
     pub fn activity(&self, channel: Channel) -> C {
-        let over = C::new(0.0, self.omega).inv();
-        let ports: &[(Port, C)] = match channel {
-            Channel::Roll => &[(Port::PhiRate, ONE), (Port::Phi, over)],
-            Channel::Pitch => &[(Port::ThetaRate, ONE), (Port::Theta, over)],
-            Channel::Yaw => &[(Port::R, ONE)],
-            Channel::Heave => &[(Port::Vz, ONE)],
-            Channel::Vx => &[(Port::Vx, ONE)],
-            Channel::Vy => &[(Port::Vy, ONE)],
-        };
-        self.sticks(ports)[channel.axis().effector().index()]
+        let ports = noise_ports(channel, C::new(0.0, self.omega));
+        self.sticks(&ports)[channel.axis().effector().index()]
     }
 
     /// Response of bank or pitch to its command.
@@ -293,7 +307,6 @@ pub fn closed_loop_matrix(
     let measured: Vec<Signal> = plant.measured.iter().map(|&k| b.state(x0 + k)).collect();
     let mut inputs: Vec<Signal> = vec![b.zero(); linear.inputs.len()];
     for (k, m) in measured.iter().enumerate() {
-        add(&mut inputs[AIRSPEED], linear.d[(4 + HELD - 2, k)], m);
         inputs[k] = m.clone();
     }
     let combine =
@@ -331,7 +344,7 @@ mod tests {
     use super::*;
     use crate::control::axis::GainSet;
     use crate::control::law::{LawPoint, LawSettings, TurnCoordination};
-    use crate::control::loops::LoopModel;
+    use crate::control::loops::{GainGrid, LoopModel};
     use crate::control::plant::Inversion;
     use crate::control::testbed;
     use crate::control::tuning::start_gains;
@@ -365,44 +378,71 @@ mod tests {
         }
     }
 
-    /// Where tables have no slope and no blend acts, the inner loops are those
-    /// of the tuning's own algebra, but for rates of attitudes: the law takes
-    /// them by exact kinematics, the tuning from the reduced model.
+    /// The loops that the tuning moves gains in are those of the law with these
+    /// gains: in both modes, at breakpoints and between, in the blend of turn
+    /// coordination too; cut at effectors and at what is held, with rejection
+    /// and activity.
     #[test]
-    fn inner_loops_are_those_of_the_affine_algebra() {
-        for speed in [0.0, 25.0] {
-            let (plant, table) = alone(speed, settings());
-            let hardware = testbed::HARDWARE;
+    fn the_affine_loops_are_those_of_the_flown_law() {
+        let hardware = testbed::HARDWARE;
+        let omega: Vec<f64> = vec![0.05, 0.3, 1.0, 2.5, 6.0, 20.0];
+        let point = |speed: f64| {
+            let plant = testbed::plant(speed, &testbed::NOMINAL);
+            let mut gains = GainSet::default();
+            for c in Channel::ALL {
+                gains[c.index()] = start_gains(c, 0.14 + 0.001 * speed, [0.0, 10.0]);
+            }
+            let mut inversion = Inversion::new(&plant).unwrap();
+            // Level: the tables are read at the speed of the trim.
+            let trim = &mut inversion.trim;
+            trim.velocity_body = [speed * trim.pitch.cos(), 0.0, speed * trim.pitch.sin()];
+            LawPoint { speed, gains, inversion }
+        };
+        let points = [0.0, 12.0, 25.0, 38.0].map(point).to_vec();
+        let turn = TurnCoordination { speed: 25.0, width: 8.0 };
+        let table = LawTable::new(points, settings(), turn).unwrap();
+        for speed in [0.0, 7.0, 23.0, 25.0, 38.0] {
+            let plant = testbed::plant(speed, &testbed::NOMINAL);
             let frequency = FrequencyModel::new(&plant, hardware, 0.0).unwrap();
-            let law = LawLoop::new(&table, speed, false);
-            let of = PlantLoop::new(&frequency, &law);
-            let point = &table.points()[0];
-            let inner = crate::control::axis::inner_only(&point.gains);
-            let omega: Vec<f64> = vec![0.05, 0.3, 1.0, 2.5, 6.0, 20.0];
-            let affine = LoopModel::new(
-                &plant,
-                &point.inversion,
-                &table.settings,
-                hardware,
-                0.0,
-                omega.clone().into(),
-            )
-            .unwrap();
-            for channel in [Channel::Roll, Channel::Pitch, Channel::Yaw, Channel::Heave] {
-                for &w in &omega {
-                    let closed = of.at(w);
-                    let wanted = affine.loop_at(&inner, channel, Cut::Effector, w);
-                    let found = closed.cut(channel, Cut::Effector);
-                    assert!(
-                        (found - wanted).norm() < 1e-4 * (1.0 + wanted.norm()),
-                        "{channel} {w}"
-                    );
-                    let wanted = affine.sensitivity_at(&inner, channel, w);
-                    let found = closed.sensitivity(channel);
-                    assert!(
-                        (found - wanted).norm() < 1e-4 * (1.0 + wanted.norm()),
-                        "{channel} {w}"
-                    );
+            let grid = GainGrid::new(&table, speed, omega.clone().into());
+            let affine = LoopModel::new(&plant, &grid, hardware, 0.0).unwrap();
+            let all = table.at(speed).gains;
+            for (gains, velocity_mode) in
+                [(crate::control::axis::inner_only(&all), false), (all, true)]
+            {
+                let law = LawLoop::new(&table, speed, velocity_mode);
+                let of = PlantLoop::new(&frequency, &law);
+                let channels = if velocity_mode { &Channel::ALL[..] } else { &Channel::ALL[..4] };
+                for &channel in channels {
+                    let x = gains[channel.index()].values(channel);
+                    let cuts: &[Cut] = if channel.is_outer() {
+                        &[Cut::Effector, Cut::Channel]
+                    } else {
+                        &[Cut::Effector]
+                    };
+                    let loops = affine.channel(&gains, channel, cuts);
+                    let sensitivity = loops.sensitivity_curve(&x);
+                    for (k, &w) in omega.iter().enumerate() {
+                        let closed = of.at(w);
+                        let near = |what: &str, wanted: C, found: C| {
+                            assert!(
+                                // Between breakpoints the airspeed of a blended trim
+                                // is not quite its speed.
+                                (found - wanted).norm() < 1e-3 * (1.0 + wanted.norm()),
+                                "{channel} {what} at {speed} m/s, {w} rad/s: {found} {wanted}"
+                            );
+                        };
+                        for (n, cut) in cuts.iter().enumerate() {
+                            near("loop", closed.cut(channel, *cut), loops.loop_value(k, n, &x));
+                            let exact = affine.loop_at(&gains, channel, *cut, w);
+                            near("exact loop", closed.cut(channel, *cut), exact);
+                        }
+                        // With an outer loop closed, what an inner axis holds is
+                        // moved by it, too.
+                        if channel.is_outer() == velocity_mode {
+                            near("S", closed.sensitivity(channel), sensitivity[k]);
+                        }
+                    }
                 }
             }
         }

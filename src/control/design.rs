@@ -97,6 +97,7 @@ pub fn design(
         between: between.to_vec(),
         hardware: spec.hardware,
         settings: law,
+        turn: spec.turn,
         channels,
         options: spec.solver.clone(),
     };

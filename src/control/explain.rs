@@ -5,8 +5,8 @@
 //! values are found by solving again with one target moved.
 
 use super::axis::{Channel, GainSet};
-use super::law::LawPoint;
-use super::loops::{LawSettings, LoopModel};
+use super::law::LawTable;
+use super::loops::{GainGrid, LoopModel};
 use super::metrics::{decibels, from_decibels};
 use super::plant::{ModelClass, Plant};
 use super::spec::{ChannelRequirement, Specification};
@@ -125,9 +125,8 @@ const HALVINGS: usize = 7;
 /// As the tuning's.
 pub fn explain(
     spec: &Specification,
-    settings: &LawSettings,
+    table: &LawTable,
     plant: &Plant,
-    point: &LawPoint,
     requirement: &ChannelRequirement,
 ) -> Result<Explanation, TuningError> {
     let channel = requirement.channel;
@@ -136,8 +135,10 @@ pub fn explain(
     grid.extend((0..80).map(|k| 0.1 * 60f64.powf(f64::from(k) / 79.0)));
     grid.sort_by(f64::total_cmp);
     grid.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
-    let model = LoopModel::new(plant, &point.inversion, settings, spec.hardware, 0.0, grid.into())?;
-    let models = LoopSet { nodes: vec![vec![model]], between: Vec::new() };
+    let point = table.at(plant.speed);
+    let law = GainGrid::new(table, plant.speed, grid.into());
+    let model = LoopModel::new(plant, &law, spec.hardware, 0.0)?;
+    let models = LoopSet { nodes: vec![vec![model]], undivided: vec![None], between: Vec::new() };
     let start =
         if channel.is_outer() { point.gains } else { super::verify::inner_only(&point.gains) };
     // Gains that strain for what cannot be had are a bad start for what can.

@@ -14,6 +14,7 @@
 
 use super::axis::{Axis, Channel, Effector, GainSet};
 use super::plant::{Inversion, rigid};
+use crate::law::diagram::Tap;
 use crate::law::mdi::{self, Choices, MONITORS};
 use crate::law::{Breakpoints, Diagram, LinearLaw, Memory, Program};
 use std::sync::Arc;
@@ -171,6 +172,15 @@ impl LawTable {
         }
     }
 
+    /// Share of its attitude that a channel commands at a speed; what is left
+    /// belongs to turn coordination. One for all but V_y.
+    pub fn outer_share(&self, channel: Channel, speed: f64) -> f64 {
+        match channel {
+            Channel::Vy => 1.0 - self.turn_blend(speed),
+            Channel::Vx | Channel::Roll | Channel::Pitch | Channel::Yaw | Channel::Heave => 1.0,
+        }
+    }
+
     /// Weight of turn coordination in Eq. 75 at a speed: 0 below the blend, 1
     /// above, a cubic with flat ends between.
     pub fn turn_blend(&self, speed: f64) -> f64 {
@@ -222,13 +232,50 @@ impl LawTable {
     /// [`mdi::PORTS`]; its delay lines are [`LawSettings::reference_delay`]
     /// long.
     pub fn linear(&self, speed: f64, velocity_mode: bool) -> LinearLaw {
+        Linearizer::new(self, &[]).at(speed, velocity_mode)
+    }
+
+    /// The same table with other gains, one set a breakpoint.
+    pub fn with_gains(&self, gains: impl Fn(usize) -> GainSet) -> Self {
+        let mut out = self.clone();
+        for (k, point) in out.points.iter_mut().enumerate() {
+            point.gains = gains(k);
+        }
+        out
+    }
+}
+
+/// Makes the law for small deviations about trimmed flight at any speed.
+#[derive(Debug, Clone)]
+pub struct Linearizer<'a> {
+    table: &'a LawTable,
+    diagram: Diagram,
+    tables: Breakpoints,
+    program: Program,
+    taps: Vec<Tap>,
+}
+
+impl<'a> Linearizer<'a> {
+    /// Of this table, with ports at these entries of its tables, for the
+    /// derivative by each; see [`Diagram::tapped`].
+    pub fn new(table: &'a LawTable, entries: &[usize]) -> Self {
         // Limits do not bound what is infinitely small.
         let limits = [[f64::MIN, f64::MAX]; 4];
-        let diagram = self.diagram(0.0, limits, true, false);
-        let tables = self.breakpoints();
+        let (diagram, taps) = table.diagram(0.0, limits, true, false).tapped(entries);
+        let tables = table.breakpoints();
         let program = Program::new(&diagram, &tables);
-        let mut memory = program.memory();
-        let trim = self.at(speed).inversion.trim;
+        Self { table, diagram, tables, program, taps }
+    }
+
+    /// The ports at entries.
+    pub fn taps(&self) -> &[Tap] {
+        &self.taps
+    }
+
+    /// The law at a speed, m/s, and in a mode; see [`LawTable::linear`].
+    pub fn at(&self, speed: f64, velocity_mode: bool) -> LinearLaw {
+        let mut memory = self.program.memory();
+        let trim = self.table.at(speed).inversion.trim;
         let mut measured = Measurement {
             velocity_body: trim.velocity_body,
             rates: [0.0; 3],
@@ -245,12 +292,12 @@ impl LawTable {
             Horizontal::Attitude { roll: trim.roll, pitch: trim.pitch }
         };
         let demand = Demand { horizontal, heading_rate: 0.0, vertical_velocity: vertical };
-        let mut inputs = vec![0.0; program.input_count()];
+        let mut inputs = vec![0.0; self.program.input_count()];
         inputs[..INPUTS].copy_from_slice(&numbers(&measured, &demand));
-        program.run(&mut memory, &inputs);
-        program.hold(&mut memory);
-        program.run(&mut memory, &inputs);
-        LinearLaw::new(&diagram, &tables, &program, &memory)
+        self.program.run(&mut memory, &inputs);
+        self.program.hold(&mut memory);
+        self.program.run(&mut memory, &inputs);
+        LinearLaw::new(&self.diagram, &self.tables, &self.program, &memory)
     }
 }
 
@@ -571,6 +618,7 @@ pub const MEASURED: [usize; 8] =
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::axis::ChannelGains;
     use crate::control::testbed;
     use crate::control::tuning::start_gains;
     use approx::assert_relative_eq;
@@ -864,6 +912,57 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// The derivative of the linear law by each gain is what the port at it
+    /// gives: the law is affine in a channel's gains, so that differences of any
+    /// size are exact. In both modes, in the blend of turn coordination too.
+    #[test]
+    fn derivative_by_each_gain_is_that_of_its_port() {
+        let table = on_lines();
+        let mut compared = 0;
+        for (speed, velocity_mode) in [(8.0, false), (8.0, true), (25.0, true), (33.0, false)] {
+            for channel in Channel::ALL {
+                for gain in channel.gains() {
+                    let name = ["k_d", "k_p", "k_i"][gain.index()];
+                    let place = crate::law::tables::place("gains", channel.name(), name).unwrap();
+                    let linearizer = Linearizer::new(&table, &[place]);
+                    let tap = &linearizer.taps()[0];
+                    let law = linearizer.at(speed, velocity_mode);
+                    let (input, signal) =
+                        (law.input(&tap.input).unwrap(), law.output(&tap.signal).unwrap());
+                    let with = |by: f64| {
+                        let moved = table.with_gains(|k| {
+                            let mut gains = table.points()[k].gains;
+                            let mut values = gains[channel.index()].array();
+                            values[gain.index()] += by;
+                            gains[channel.index()] =
+                                ChannelGains::new(values[0], values[1], values[2]);
+                            gains
+                        });
+                        Linearizer::new(&moved, &[place]).at(speed, velocity_mode)
+                    };
+                    let (up, down) = (with(0.05), with(-0.05));
+                    let mut felt = 0.0f64;
+                    for (a, b, column, row) in [
+                        (&up.a, &down.a, law.b.column(input), law.c.row(signal)),
+                        (&up.b, &down.b, law.b.column(input), law.d.row(signal)),
+                        (&up.c, &down.c, law.d.column(input), law.c.row(signal)),
+                        (&up.d, &down.d, law.d.column(input), law.d.row(signal)),
+                    ] {
+                        let found = (a - b) / 0.1;
+                        let wanted = column * row;
+                        let size = wanted.amax().max(1.0);
+                        assert!((found - &wanted).amax() < 1e-9 * size, "{channel} {name} {speed}");
+                        felt = felt.max(wanted.amax());
+                    }
+                    // Outer gains do nothing under an attitude demand.
+                    assert_eq!(felt > 0.0, velocity_mode || !channel.is_outer());
+                    compared += 1;
+                }
+            }
+        }
+        assert_eq!(compared, 4 * 14);
     }
 
     /// In the limit of a short step the law is what it is at a short step.

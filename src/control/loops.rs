@@ -1,19 +1,27 @@
 //! Frequency responses of the closed loops and their affine structure.
 //!
+//! The law enters as its block diagram, differentiated about trimmed flight
+//! with all gains at zero and a port at each of them ([`GainLaw`]): what each
+//! gain multiplies, and what sticks make of what a channel asks for. So the
+//! loops of the tuning hold all that the law as it is flown does to small
+//! deviations, in both modes: inner loops under an attitude demand, outer
+//! loops under a velocity demand.
+//!
 //! With the plant's response X(jω) from sticks to measured states (hardware
-//! included), the law's feedback is δ = −Λ δ with
+//! included), sticks are δ = K X δ with
 //!
 //! ```text
-//! Λ = M (F_κ + Σ_axes e_i Σ_g K_ig c_ig(jω)) X
+//! K = K₀ + Σ_channels c Σ_g k_g r_g
 //! ```
 //!
-//! M being the allocation of feedback.
-//! Every gain multiplies a matrix of rank one: a column (of M, or of the
-//! command path for an outer loop) times a row. So with all other gains fixed
-//! det(I + Λ) is *affine* in one channel's gains, by the matrix determinant
-//! lemma. The same holds for the minor without one effector's row and column.
-//! With D = det(I + Λ) and D̄ that minor, the loop cut at the effector with
-//! everything else closed is
+//! c being what sticks make of what the channel asks for and r_g what its gain
+//! k_g multiplies. An outer loop asks for an attitude: its c holds what the
+//! inner gains make of that, and the r_g of an inner channel what the outer
+//! gains ask for. Every gain multiplies a matrix of rank one. So with all other
+//! gains fixed det(I − K X) is *affine* in one channel's gains, by the matrix
+//! determinant lemma. The same holds for the minor without one effector's row
+//! and column. With D = det(I − K X) and D̄ that minor, the loop cut at the
+//! effector with everything else closed is
 //!
 //! ```text
 //! 1 + L = D / D̄,    S = N / D,
@@ -21,31 +29,19 @@
 //!
 //! N being D with the gains that hold the disturbed quantity set to zero.
 
-use super::axis::{Axis, Channel, ChannelGains, Gain, GainSet};
-use super::plant::{Hardware, Inversion, Plant, PlantError};
+use super::axis::{Channel, ChannelGains, GainSet};
+use super::closed_loop::{STATES, STICKS, noise_ports, still_air};
+use super::law::{LawTable, Linearizer};
+use super::plant::{Hardware, Plant, PlantError};
 pub use crate::law::mdi::LawSettings;
-use crate::law::mdi::Notch;
+use crate::law::{LinearLaw, mdi, tables};
 use crate::numerics::conic::AffineRow;
-use crate::units::STANDARD_GRAVITY as GRAVITY;
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use std::sync::Arc;
 
 const ZERO: C = C::new(0.0, 0.0);
 const ONE: C = C::new(1.0, 0.0);
-
-/// Command model of an attitude axis from command to reference, at s.
-pub fn attitude_command(settings: &LawSettings, axis: Axis, s: C) -> C {
-    let wn = if axis == Axis::Roll { settings.roll_frequency } else { settings.pitch_frequency };
-    wn * wn / (s * s + 2.0 * settings.attitude_damping * wn * s + wn * wn)
-}
-
-/// A notch filter at s.
-pub fn notch(notch: &Notch, s: C) -> C {
-    let (w, wide) = (notch.frequency, 2.0 * notch.damping * notch.frequency);
-    let even = s * s + w * w;
-    (even + wide * notch.depth * s) / (even + wide * s)
-}
 
 /// A four-vector of complex numbers.
 pub type Row4 = [C; 4];
@@ -163,29 +159,203 @@ impl FrequencyModel {
     }
 }
 
-/// Everything of the loops at one frequency that does not depend on gains.
+/// The law at one speed with its gains pulled out, under an attitude demand and
+/// under a velocity demand.
+#[derive(Debug, Clone)]
+pub struct GainLaw {
+    /// Both modes: the law with all gains at zero and a port at each.
+    modes: [LinearLaw; 2],
+    delay: f64,
+    vy_share: f64,
+}
+
+/// A law's response at a frequency, its gains pulled out.
+#[derive(Debug, Clone)]
+struct GainResponse {
+    /// K₀: sticks from states.
+    direct: [[C; STATES]; 4],
+    /// Sticks per unit of what each channel asks for, all gains at zero.
+    columns: [Row4; 6],
+    /// What each channel's K_D, K_P, K_I multiply, from states.
+    sees: [[[C; STATES]; 3]; 6],
+    /// The same per unit of what an outer loop asks for, vx and vy.
+    around: [[[C; 2]; 3]; 6],
+    /// The same per unit of the channel's noise.
+    noise: [[C; 3]; 6],
+}
+
+/// The outer loops, in the order of [`GainResponse::around`].
+const OUTER: [Channel; 2] = [Channel::Vx, Channel::Vy];
+
+/// Every gain: channel and place among K_D, K_P, K_I.
+fn gains_of_law() -> impl Iterator<Item = (Channel, usize)> {
+    Channel::ALL.into_iter().flat_map(|c| c.gains().iter().map(move |g| (c, g.index())))
+}
+
+/// Place of a gain among the law's tables.
+fn gain_place(channel: Channel, gain: usize) -> Option<usize> {
+    tables::place("gains", channel.name(), ["k_d", "k_p", "k_i"][gain])
+}
+
+impl GainLaw {
+    /// The law of a table at a speed, m/s, whatever the table's gains are.
+    pub fn new(table: &LawTable, speed: f64) -> Self {
+        let table = table.with_gains(|_| GainSet::default());
+        let entries: Vec<usize> = gains_of_law().filter_map(|(c, g)| gain_place(c, g)).collect();
+        let linearizer = Linearizer::new(&table, &entries);
+        // All gains of a channel act at the same place: the port of one serves.
+        let mut inputs: Vec<&str> = tables::STATES.iter().map(|s| s.0).collect();
+        let mut outputs: Vec<&str> = STICKS.to_vec();
+        for (channel, gain) in gains_of_law() {
+            let place = gain_place(channel, gain);
+            if let Some(tap) = linearizer.taps().iter().find(|t| Some(t.entry) == place) {
+                if gain == 1 {
+                    inputs.push(&tap.input);
+                }
+                outputs.push(&tap.signal);
+            }
+        }
+        inputs.extend(mdi::PORTS.iter().map(|port| port.0));
+        let modes = [false, true].map(|velocity_mode| {
+            still_air(&linearizer.at(speed, velocity_mode)).part(&inputs, &outputs)
+        });
+        let delay = table.settings.reference_delay;
+        Self { modes, delay, vy_share: table.outer_share(Channel::Vy, speed) }
+    }
+
+    /// As [`LawTable::outer_share`] at this speed.
+    pub fn share(&self, channel: Channel) -> f64 {
+        if channel == Channel::Vy { self.vy_share } else { 1.0 }
+    }
+
+    fn response(&self, mode: usize, omega: f64) -> GainResponse {
+        let s = C::new(0.0, omega);
+        let law = &self.modes[mode];
+        let late = C::from_polar(1.0, -omega * self.delay);
+        let (rows, columns) = (law.outputs.len() - law.lines, law.inputs.len() - law.lines);
+        // A pole of the law on the imaginary axis is where |K| has no bound;
+        // frequencies are beside it.
+        let whole =
+            law.response(s, late).unwrap_or_else(|| DMatrix::from_element(rows, columns, ZERO));
+        let (taps, ports) = (STATES, STATES + Channel::ALL.len());
+        let mut out = GainResponse {
+            direct: std::array::from_fn(|i| std::array::from_fn(|k| whole[(i, k)])),
+            columns: std::array::from_fn(|c| std::array::from_fn(|i| whole[(i, taps + c)])),
+            sees: [[[ZERO; STATES]; 3]; 6],
+            around: [[[ZERO; 2]; 3]; 6],
+            noise: [[ZERO; 3]; 6],
+        };
+        for (row, (channel, gain)) in gains_of_law().enumerate() {
+            let (row, c) = (4 + row, channel.index());
+            out.sees[c][gain] = std::array::from_fn(|k| whole[(row, k)]);
+            if !channel.is_outer() {
+                out.around[c][gain] = OUTER.map(|o| whole[(row, taps + o.index())]);
+            }
+            out.noise[c][gain] = noise_ports(channel, s)
+                .iter()
+                .fold(ZERO, |sum, (port, by)| sum + whole[(row, ports + *port as usize)] * by);
+        }
+        out
+    }
+}
+
+/// A [`GainLaw`] on a grid of frequencies, for the plants of all models.
+#[derive(Debug, Clone)]
+pub struct GainGrid {
+    law: Arc<GainLaw>,
+    omega: Arc<[f64]>,
+    responses: [Vec<GainResponse>; 2],
+}
+
+impl GainGrid {
+    /// The law of a table at a speed, m/s, on the grid `omega`, rad/s.
+    pub fn new(table: &LawTable, speed: f64, omega: Arc<[f64]>) -> Self {
+        let law = GainLaw::new(table, speed);
+        let responses = [0, 1].map(|mode| omega.iter().map(|&w| law.response(mode, w)).collect());
+        Self { law: Arc::new(law), omega, responses }
+    }
+
+    /// The law.
+    pub fn law(&self) -> &GainLaw {
+        &self.law
+    }
+}
+
+/// Everything of the loops at one frequency and in one mode that does not
+/// depend on gains.
 #[derive(Debug, Clone, Copy)]
 struct Point {
-    /// M N: the allocation of feedback behind the notch filters.
-    allocation: Matrix4c,
-    /// I + M N F_κ X.
+    /// I − K₀ X.
     base: Matrix4c,
-    /// Rows c_g X of each channel's gains K_D, K_P, K_I.
+    /// Columns of each channel, all gains at zero.
+    columns: [Row4; 6],
+    /// Rows −r_g X of each channel's gains K_D, K_P, K_I.
     rows: [[Row4; 3]; 6],
-    /// Sticks per unit of roll (0) and pitch (1) command, without the error path.
-    command_feed: [Row4; 2],
-    /// Reference per unit of roll and pitch command, delayed as in the error path.
-    command_reference: [C; 2],
+    /// See [`GainResponse::around`].
+    around: [[[C; 2]; 3]; 6],
+    /// See [`GainResponse::noise`].
+    noise: [[C; 3]; 6],
+}
+
+impl Point {
+    fn new(law: &GainResponse, x: &[Row4; STATES]) -> Self {
+        let mut base = [[ZERO; 4]; 4];
+        for (i, row) in base.iter_mut().enumerate() {
+            *row = row_times(&law.direct[i], x);
+            row[i] += ONE;
+        }
+        let rows = std::array::from_fn(|c| std::array::from_fn(|g| row_times(&law.sees[c][g], x)));
+        Self { base, columns: law.columns, rows, around: law.around, noise: law.noise }
+    }
+
+    /// What a channel's gains multiply, weighted by them.
+    fn asked(&self, gains: &GainSet, channel: Channel) -> Row4 {
+        let (k, rows) = (gains[channel.index()].array(), &self.rows[channel.index()]);
+        std::array::from_fn(|j| (0..3).fold(ZERO, |sum, g| sum + k[g] * rows[g][j]))
+    }
+
+    /// Column through which a channel's rows act on the sticks.
+    fn column(&self, gains: &GainSet, channel: Channel) -> Row4 {
+        let mut out = self.columns[channel.index()];
+        let Some(o) = OUTER.iter().position(|c| *c == channel) else { return out };
+        for inner in Channel::ALL.into_iter().filter(|c| !c.is_outer()) {
+            let i = inner.index();
+            let k = gains[i].array();
+            let by = (0..3).fold(ZERO, |sum, g| sum + k[g] * self.around[i][g][o]);
+            for (out, column) in out.iter_mut().zip(self.columns[i]) {
+                *out += by * column;
+            }
+        }
+        out
+    }
+
+    /// I − K X.
+    fn matrix(&self, gains: &GainSet) -> Matrix4c {
+        let mut m = self.base;
+        for channel in Channel::ALL {
+            if gains[channel.index()].array() == [0.0; 3] {
+                continue;
+            }
+            let row = self.asked(gains, channel);
+            let column = self.column(gains, channel);
+            for i in 0..4 {
+                for j in 0..4 {
+                    m[i][j] += column[i] * row[j];
+                }
+            }
+        }
+        m
+    }
 }
 
 /// The loops of one plant under one law on a frequency grid.
 #[derive(Debug, Clone)]
 pub struct LoopModel {
     omega: Arc<[f64]>,
-    points: Vec<Point>,
+    /// In both modes.
+    points: [Vec<Point>; 2],
     frequency: FrequencyModel,
-    inversion: Inversion,
-    settings: LawSettings,
+    law: Arc<GainLaw>,
 }
 
 /// D and the D̄ of each cut asked for, affine in one channel's gains, at every
@@ -205,27 +375,34 @@ pub struct ChannelLoops {
     pub noise: Vec<Affine>,
 }
 
+/// Place of the mode that a channel is looked at in: any outer loop that is
+/// closed, or the channel itself, flies under a velocity demand.
+fn mode(gains: &GainSet, channel: Option<Channel>) -> usize {
+    let outer = channel.is_some_and(Channel::is_outer)
+        || OUTER.iter().any(|c| gains[c.index()].array() != [0.0; 3]);
+    usize::from(outer)
+}
+
 impl LoopModel {
-    /// Assembles the loops of `plant` under the law whose inversion is given
-    /// (it may belong to another plant) on the grid `omega`, rad/s.
+    /// The loops of `plant` under a law on its grid.
+    ///
+    /// # Errors
+    /// An unusable plant.
     pub fn new(
         plant: &Plant,
-        inversion: &Inversion,
-        settings: &LawSettings,
+        grid: &GainGrid,
         hardware: Hardware,
         extra_delay: f64,
-        omega: Arc<[f64]>,
     ) -> Result<Self, PlantError> {
         let frequency = FrequencyModel::new(plant, hardware, extra_delay)?;
-        let mut model = Self {
-            omega: omega.clone(),
-            points: Vec::with_capacity(omega.len()),
-            frequency,
-            inversion: inversion.clone(),
-            settings: *settings,
-        };
-        model.points = omega.iter().map(|&w| model.point(w)).collect();
-        Ok(model)
+        let mut points = [0, 1].map(|_| Vec::with_capacity(grid.omega.len()));
+        for (k, &w) in grid.omega.iter().enumerate() {
+            let x = frequency.states(w);
+            for (points, responses) in points.iter_mut().zip(&grid.responses) {
+                points.push(Point::new(&responses[k], &x));
+            }
+        }
+        Ok(Self { omega: grid.omega.clone(), points, frequency, law: grid.law.clone() })
     }
 
     /// The grid, rad/s.
@@ -233,142 +410,34 @@ impl LoopModel {
         &self.omega
     }
 
-    fn point(&self, omega: f64) -> Point {
-        let s = C::new(0.0, omega);
-        let x = self.frequency.states(omega);
-        let inv = &self.inversion;
-        let kappa = self.settings.kappa;
-        let (velocity, attitude) = inv.split_feedback();
-        let f_kappa = attitude + velocity * kappa;
-        let notches = self.settings.notch.axes().map(|n| n.map_or(ONE, |n| notch(&n, s)));
-        let allocation: Matrix4c =
-            std::array::from_fn(|i| std::array::from_fn(|j| inv.allocation[(i, j)] * notches[j]));
-        let inner: [[C; 8]; 4] = std::array::from_fn(|i| {
-            std::array::from_fn(|k| {
-                (0..4).fold(ZERO, |sum, j| sum + allocation[i][j] * f_kappa[(j, k)])
-            })
-        });
-        let mut base = [[ZERO; 4]; 4];
-        for (i, row) in base.iter_mut().enumerate() {
-            for (k, xk) in x.iter().enumerate() {
-                for (target, value) in row.iter_mut().zip(xk) {
-                    *target += inner[i][k] * value;
-                }
-            }
-            row[i] += ONE;
-        }
-        let mut rows = [[[ZERO; 4]; 3]; 6];
-        for axis in Axis::ALL {
-            let i = axis.index();
-            let output = row_times(|k| inv.outputs[(i, k)], &x);
-            let target = &mut rows[Channel::from(axis).index()];
-            if matches!(axis, Axis::Roll | Axis::Pitch) {
-                target[0] = row_times(|k| inv.rates[(i, k)], &x);
-            }
-            target[1] = output;
-            target[2] = output.map(|v| v / s);
-        }
-        // φ_c = (K_P + K_I/s)(V_y,c − V_y)/g and θ_c = −(K_P + K_I/s)(V_x,c − V_x)/g:
-        // the sign of the feedback rows makes I + Λ as for the inner axes.
-        for (channel, row, sign) in [(Channel::Vx, 0, -1.0), (Channel::Vy, 1, 1.0)] {
-            let v = row_times(|k| inv.ground_velocity[(row, k)] * sign / GRAVITY, &x);
-            rows[channel.index()][1] = v;
-            rows[channel.index()][2] = v.map(|v| v / s);
-        }
-        let delay = C::from_polar(1.0, -omega * self.settings.reference_delay);
-        let mut command_feed = [[ZERO; 4]; 2];
-        let mut command_reference = [ZERO; 2];
-        for (i, axis) in [Axis::Roll, Axis::Pitch].into_iter().enumerate() {
-            let model = attitude_command(&self.settings, axis, s);
-            command_reference[i] = model * delay;
-            let acceleration = s * s * model;
-            // B_d⁻¹ (ν − F x_ref) + M N F_κ x_ref.
-            let less = inv.decoupling * inv.feedback;
-            let reference = self.settings.hybrid_feedforward.then(|| self.ideal_states(omega, i));
-            for (j, feed) in command_feed[i].iter_mut().enumerate() {
-                *feed = C::new(inv.decoupling[(j, i)], 0.0);
-                if let Some(x) = &reference {
-                    *feed += (0..8).fold(ZERO, |sum, k| sum + (inner[j][k] - less[(j, k)]) * x[k]);
-                }
-                *feed *= acceleration;
-            }
-        }
-        Point { allocation, base, rows, command_feed, command_reference }
+    /// The law.
+    pub fn law(&self) -> &GainLaw {
+        &self.law
     }
 
-    /// States of the reference model per unit of ν in output `i` (φ or θ), at ω.
-    fn ideal_states(&self, omega: f64, i: usize) -> [C; 8] {
-        let r = &self.inversion.reference;
-        let s = C::new(0.0, omega);
-        // The references φ or θ and their rate.
-        let rho = |k: usize| r.input[(k, i)] / (s * s) + r.input[(k, 2 + i)] / s;
-        let a = r.dynamics * r.state;
-        let rhs: [C; 2] = std::array::from_fn(|j| {
-            (0..8).fold(C::new(r.drive[(j, i)], 0.0), |sum, k| sum + r.dynamics[(j, k)] * rho(k))
-        });
-        let (m00, m11) = (s - a[(0, 0)], s - a[(1, 1)]);
-        let det = m00 * m11 - a[(0, 1)] * a[(1, 0)];
-        let z =
-            [(m11 * rhs[0] + a[(0, 1)] * rhs[1]) / det, (m00 * rhs[1] + a[(1, 0)] * rhs[0]) / det];
-        std::array::from_fn(|k| rho(k) + r.state[(k, 0)] * z[0] + r.state[(k, 1)] * z[1])
-    }
-
-    /// Column through which a channel's rows act on the sticks, at a point.
-    fn column(&self, p: &Point, omega: f64, gains: &GainSet, channel: Channel) -> Row4 {
-        let i = channel.axis().index();
-        if !channel.is_outer() {
-            return std::array::from_fn(|k| p.allocation[k][i]);
-        }
-        let s = C::new(0.0, omega);
-        let k = gains[Channel::from(channel.axis()).index()];
-        let error = (k.k_d * s + k.k_p + k.k_i / s) * p.command_reference[i];
-        std::array::from_fn(|r| p.command_feed[i][r] + p.allocation[r][i] * error)
-    }
-
-    /// I + Λ at a point.
-    fn matrix(&self, p: &Point, omega: f64, gains: &GainSet) -> Matrix4c {
-        let mut m = p.base;
-        for channel in Channel::ALL {
-            let k = gains[channel.index()].array();
-            if k == [0.0; 3] {
-                continue;
-            }
-            let rows = &p.rows[channel.index()];
-            let row: Row4 =
-                std::array::from_fn(|j| (0..3).fold(ZERO, |sum, g| sum + k[g] * rows[g][j]));
-            let column = self.column(p, omega, gains, channel);
-            for i in 0..4 {
-                for j in 0..4 {
-                    m[i][j] += column[i] * row[j];
-                }
-            }
-        }
-        m
+    fn point(&self, mode: usize, omega: f64) -> Point {
+        Point::new(&self.law.response(mode, omega), &self.frequency.states(omega))
     }
 
     fn affine_at(
-        &self,
         p: &Point,
-        omega: f64,
         gains: &GainSet,
         channel: Channel,
         cuts: &[Cut],
     ) -> (Affine, Vec<Affine>, Affine) {
         let mut others = *gains;
         others[channel.index()] = ChannelGains::default();
-        let m = self.matrix(p, omega, &others);
-        let column = self.column(p, omega, gains, channel);
+        let m = p.matrix(&others);
+        let column = p.column(gains, channel);
         let mut rows = p.rows[channel.index()];
-        if let Some(outer) = channel.outer() {
-            // What an outer loop commands enters this channel's errors by the
-            // same column as the output does.
-            let k = gains[outer.index()].array();
-            let around = &p.rows[outer.index()];
-            let s = C::new(0.0, omega);
-            for (row, order) in rows.iter_mut().zip([s, ONE, s.inv()]) {
-                let by = order * p.command_reference[channel.axis().index()];
-                for (j, value) in row.iter_mut().enumerate() {
-                    *value += by * (0..3).fold(ZERO, |sum, h| sum + k[h] * around[h][j]);
+        if !channel.is_outer() {
+            // What the outer loops command enters this channel's errors.
+            for (o, outer) in OUTER.into_iter().enumerate() {
+                let asked = p.asked(gains, outer);
+                for (row, around) in rows.iter_mut().zip(&p.around[channel.index()]) {
+                    for (value, asked) in row.iter_mut().zip(asked) {
+                        *value += around[o] * asked;
+                    }
                 }
             }
         }
@@ -403,14 +472,9 @@ impl LoopModel {
                 }
             })
             .collect();
-        // Noise is white on the rate of an attitude, on the yaw rate, on a
-        // velocity; the lower derivatives see its integrals.
-        let s = C::new(0.0, omega);
-        let first = channel.gains()[0].index();
         let mut noise = [ZERO; 4];
-        for (g, &gain) in channel.gains().iter().enumerate() {
-            let unit = if channel.is_outer() { GRAVITY.recip() } else { 1.0 };
-            noise[1 + g] = column[e] * unit / s.powu((gain.index() - first) as u32);
+        for (noise, &gain) in noise[1..].iter_mut().zip(channel.gains()) {
+            *noise = column[e] * p.noise[channel.index()][gain.index()];
         }
         (full, opened, noise)
     }
@@ -425,8 +489,8 @@ impl LoopModel {
             opened: vec![Vec::with_capacity(n); cuts.len()],
             noise: Vec::with_capacity(n),
         };
-        for (p, &w) in self.points.iter().zip(self.omega.iter()) {
-            let (full, opened, noise) = self.affine_at(p, w, gains, channel, cuts);
+        for p in &self.points[mode(gains, Some(channel))] {
+            let (full, opened, noise) = Self::affine_at(p, gains, channel, cuts);
             out.full.push(full);
             out.noise.push(noise);
             for (list, f) in out.opened.iter_mut().zip(opened) {
@@ -438,41 +502,24 @@ impl LoopModel {
 
     /// The loop L cut as asked, at any frequency.
     pub fn loop_at(&self, gains: &GainSet, channel: Channel, cut: Cut, omega: f64) -> C {
-        let p = self.point(omega);
-        let (full, opened, _) = self.affine_at(&p, omega, gains, channel, &[cut]);
+        let p = self.point(mode(gains, Some(channel)), omega);
+        let (full, opened, _) = Self::affine_at(&p, gains, channel, &[cut]);
         let x = gains[channel.index()].values(channel);
         affine_value(&full, &x) / affine_value(&opened[0], &x) - 1.0
     }
 
     /// The sensitivity S of the channel's held quantity, at any frequency.
     pub fn sensitivity_at(&self, gains: &GainSet, channel: Channel, omega: f64) -> C {
-        let p = self.point(omega);
-        let (full, _, _) = self.affine_at(&p, omega, gains, channel, &[]);
+        let p = self.point(mode(gains, Some(channel)), omega);
+        let (full, _, _) = Self::affine_at(&p, gains, channel, &[]);
         let x = gains[channel.index()].values(channel);
         let free = without_hold(channel, &x);
         affine_value(&full, &free) / affine_value(&full, &x)
     }
 
-    /// Response of the output φ or θ to its command, outer loops as in `gains`.
-    pub fn attitude_response_at(&self, gains: &GainSet, axis: Axis, omega: f64) -> C {
-        let i = axis.index();
-        let p = self.point(omega);
-        let m = self.matrix(&p, omega, gains);
-        let channel = if axis == Axis::Roll { Channel::Vy } else { Channel::Vx };
-        let column = self.column(&p, omega, gains, channel);
-        let (d, adjugate) = determinant_and_adjugate(&m, &column);
-        let row = p.rows[Channel::from(axis).index()][Gain::Proportional.index()];
-        debug_assert!(i < 2);
-        (0..4).fold(ZERO, |sum, j| sum + row[j] * adjugate[j]) / d
-    }
-
-    /// det(I + Λ) with all gains, over the grid.
+    /// det(I − K X) with all gains, over the grid.
     pub fn determinant(&self, gains: &GainSet) -> Vec<C> {
-        self.points
-            .iter()
-            .zip(self.omega.iter())
-            .map(|(p, &w)| determinant_and_adjugate(&self.matrix(p, w, gains), &[ZERO; 4]).0)
-            .collect()
+        self.points[mode(gains, None)].iter().map(|p| determinant(&p.matrix(gains))).collect()
     }
 }
 
@@ -530,14 +577,13 @@ pub fn real_row(rotation: C, f: &Affine, dependence: &[Dependence]) -> AffineRow
     )
 }
 
-/// A real row times eight complex rows.
-fn row_times(row: impl Fn(usize) -> f64, x: &[Row4; 8]) -> Row4 {
+/// Minus a row times eight rows.
+fn row_times(row: &[C; STATES], x: &[Row4; STATES]) -> Row4 {
     let mut out = [ZERO; 4];
-    for (k, xk) in x.iter().enumerate() {
-        let c = row(k);
-        if c != 0.0 {
+    for (c, xk) in row.iter().zip(x) {
+        if *c != ZERO {
             for (target, value) in out.iter_mut().zip(xk) {
-                *target += c * value;
+                *target -= c * value;
             }
         }
     }

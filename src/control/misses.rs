@@ -161,6 +161,7 @@ mod tests {
             columns: Vec::new(),
             rows,
             stability: Vec::new(),
+            not_required: Vec::new(),
         };
         let found = misses(&verification);
         let counted: usize = found.iter().map(|m| m.rows[0]).sum();

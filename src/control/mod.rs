@@ -7,7 +7,7 @@
 //! * [`kite`]: the region around −1 that margins forbid.
 //! * [`tuning`]: gains by a sequence of conic programs.
 //! * [`spec`]: the specification file.
-//! * [`stability`]: closed-loop eigenvalues of the full order, as the tuning knows the loop.
+//! * [`stability`]: closed-loop eigenvalues of the full order.
 //! * [`closed_loop`]: the loop of the law as it is flown, read from its block diagram.
 //! * [`law`]: the law over speed, and stepping in discrete time.
 //! * [`models`]: from a problem to the plants of every model and speed.

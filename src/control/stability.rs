@@ -1,15 +1,11 @@
-//! Closed-loop eigenvalues of the full-order system as the tuning knows it.
+//! Closed-loop eigenvalues of the full order.
 //!
-//! The whole loop as one matrix: plant, actuators, delay (Padé), sensor
-//! filters, integrators, and for the outer loops command models, delayed
-//! references and the reference model of the hybrid feed-forward. It shares
-//! no code with the frequency responses, so that each checks the other.
+//! The whole loop as one matrix ([`super::closed_loop::closed_loop_matrix`]) is
+//! put together here, delays by Padé approximations, and its eigenvalues are
+//! judged. It shares no code with the frequency responses, so that each checks
+//! the other.
 
-use super::axis::{Axis, Channel, GainSet};
-use super::loops::LawSettings;
-use super::plant::{Hardware, Inversion, Plant, rigid};
-use crate::linear::LinearError;
-use crate::linear::dense;
+use super::plant::rigid;
 use crate::units::STANDARD_GRAVITY as GRAVITY;
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
@@ -52,11 +48,6 @@ impl Builder {
         for (j, v) in signal.iter().enumerate() {
             self.a[(state, j)] += by * v;
         }
-    }
-    fn integral(&mut self, input: &Signal) -> Signal {
-        let k = self.states(1);
-        self.feed(k, 1.0, input);
-        self.state(k)
     }
     /// A second-order lag; also its rate and acceleration.
     pub(super) fn second_order(
@@ -119,173 +110,6 @@ pub(super) fn add(target: &mut Signal, by: f64, signal: &Signal) {
     }
 }
 
-/// System matrix of the closed loop of `plant` under the law.
-pub fn closed_loop_matrix(
-    plant: &Plant,
-    inversion: &Inversion,
-    settings: &LawSettings,
-    hardware: &Hardware,
-    extra_delay: f64,
-    gains: &GainSet,
-    order: usize,
-) -> DMatrix<f64> {
-    let np = plant.a.nrows();
-    let outer = [Channel::Vy, Channel::Vx].iter().any(|c| gains[c.index()].array() != [0.0; 3]);
-    let notches = settings.notch.axes();
-    let filters = 2 * notches.iter().flatten().count();
-    let total =
-        filters + np + 4 * (2 + order + 1) + 4 + if outer { 2 + 4 + 2 * order + 4 + 2 } else { 0 };
-    let mut b = Builder::new(total);
-    let x0 = b.states(np);
-    for i in 0..np {
-        for j in 0..np {
-            b.a[(x0 + i, x0 + j)] = plant.a[(i, j)];
-        }
-    }
-    // The sticks' hardware comes first in the state vector, fed later.
-    let command = b.states(4);
-    let mut sticks = Vec::with_capacity(4);
-    for j in 0..4 {
-        let sensed = b.state(command + j);
-        let delayed = b.delay(hardware.delay + extra_delay, order, &sensed);
-        let [stick, _, _] =
-            b.second_order(hardware.actuator_bandwidth, hardware.actuator_damping, &delayed);
-        sticks.push(stick);
-    }
-    for i in 0..np {
-        for (j, stick) in sticks.iter().enumerate() {
-            b.feed(x0 + i, plant.b[(i, j)], stick);
-        }
-    }
-    let measured: Vec<Signal> = plant.measured.iter().map(|&k| b.state(x0 + k)).collect();
-    let combine = |b: &Builder, row: &dyn Fn(usize) -> f64| {
-        let mut s = b.zero();
-        for (k, m) in measured.iter().enumerate() {
-            add(&mut s, row(k), m);
-        }
-        s
-    };
-    let (velocity, attitude) = inversion.split_feedback();
-    let f_kappa = attitude + velocity * settings.kappa;
-    // What commands ask for goes through B_d⁻¹, what feedback asks for through M.
-    let mut commanded: Vec<Signal> = vec![b.zero(); 4];
-    let mut nu: Vec<Signal> = Vec::with_capacity(4);
-    for axis in Axis::ALL {
-        let i = axis.index();
-        let k = gains[Channel::from(axis).index()];
-        let output = combine(&b, &|j| inversion.outputs[(i, j)]);
-        let rate = combine(&b, &|j| inversion.rates[(i, j)]);
-        let mut error_integral_rate = b.zero();
-        add(&mut error_integral_rate, -1.0, &output);
-        let integral = b.integral(&error_integral_rate);
-        let mut s = b.zero();
-        add(&mut s, -k.k_p, &output);
-        add(&mut s, -k.k_d, &rate);
-        add(&mut s, k.k_i, &integral);
-        nu.push(s);
-    }
-    let integrals = b.next - 4;
-    if outer {
-        let mut references: Vec<[Signal; 3]> = Vec::new();
-        for (i, (axis, channel, row, sign)) in
-            [(Axis::Roll, Channel::Vy, 1, -1.0), (Axis::Pitch, Channel::Vx, 0, 1.0)]
-                .into_iter()
-                .enumerate()
-        {
-            let k = gains[channel.index()];
-            let v = combine(&b, &|j| inversion.ground_velocity[(row, j)]);
-            let integral = b.integral(&v);
-            let mut attitude_command = b.zero();
-            add(&mut attitude_command, sign * k.k_p / GRAVITY, &v);
-            add(&mut attitude_command, sign * k.k_i / GRAVITY, &integral);
-            let wn =
-                if axis == Axis::Roll { settings.roll_frequency } else { settings.pitch_frequency };
-            let reference = b.second_order(wn, settings.attitude_damping, &attitude_command);
-            let late = b.delay(settings.reference_delay, order, &attitude_command);
-            let delayed = b.second_order(wn, settings.attitude_damping, &late);
-            let inner = gains[Channel::from(axis).index()];
-            add(&mut commanded[i], 1.0, &reference[2]);
-            add(&mut nu[i], inner.k_d, &delayed[1]);
-            add(&mut nu[i], inner.k_p, &delayed[0]);
-            b.feed(integrals + i, 1.0, &delayed[0]);
-            references.push(reference);
-        }
-        // Reference model: horizontal velocities under these commands.
-        let z = b.states(2);
-        let r = &inversion.reference;
-        let mut ideal: Vec<Signal> = Vec::with_capacity(8);
-        for k in 0..8 {
-            let mut s = b.zero();
-            for (j, reference) in references.iter().enumerate().take(2) {
-                let own = b.state(z + j);
-                add(&mut s, r.state[(k, j)], &own);
-                add(&mut s, r.input[(k, j)], &reference[0]);
-                add(&mut s, r.input[(k, 2 + j)], &reference[1]);
-            }
-            ideal.push(s);
-        }
-        for j in 0..2 {
-            for (k, s) in ideal.iter().enumerate() {
-                b.feed(z + j, r.dynamics[(j, k)], s);
-            }
-            for (i, reference) in references.iter().enumerate() {
-                b.feed(z + j, r.drive[(j, i)], &reference[2]);
-            }
-        }
-        if settings.hybrid_feedforward {
-            for (i, (command, error)) in commanded.iter_mut().zip(&mut nu).enumerate() {
-                for (k, s) in ideal.iter().enumerate() {
-                    add(command, -inversion.feedback[(i, k)], s);
-                    add(error, f_kappa[(i, k)], s);
-                }
-            }
-        }
-    }
-    // δ = B_d⁻¹ (ν_c − F x_ref) + M (ν_e − F_κ (x − x_ref)), then the sensor filter.
-    for (i, signal) in nu.iter_mut().enumerate() {
-        let f = combine(&b, &|j| f_kappa[(i, j)]);
-        add(signal, -1.0, &f);
-        if let Some(notch) = notches[i] {
-            let [_, rate, _] = b.second_order(notch.frequency, notch.damping, signal);
-            let blocked = 2.0 * notch.damping * (1.0 - notch.depth) / notch.frequency;
-            add(signal, -blocked, &rate);
-        }
-    }
-    for j in 0..4 {
-        let own = b.state(command + j);
-        b.feed(command + j, -hardware.sensor_bandwidth, &own);
-        let by = hardware.sensor_bandwidth;
-        for (i, (asked, error)) in commanded.iter().zip(&nu).enumerate() {
-            b.feed(command + j, by * inversion.allocation[(j, i)], error);
-            b.feed(command + j, by * inversion.decoupling[(j, i)], asked);
-        }
-    }
-    debug_assert_eq!(b.next, total);
-    b.a
-}
-
-/// Eigenvalues of the closed loop.
-#[allow(clippy::too_many_arguments)]
-pub fn closed_loop_eigenvalues(
-    plant: &Plant,
-    inversion: &Inversion,
-    settings: &LawSettings,
-    hardware: &Hardware,
-    extra_delay: f64,
-    gains: &GainSet,
-    order: usize,
-) -> Result<Vec<C>, LinearError> {
-    dense::eigenvalues(&closed_loop_matrix(
-        plant,
-        inversion,
-        settings,
-        hardware,
-        extra_delay,
-        gains,
-        order,
-    ))
-}
-
 /// Largest real part, 1/s.
 pub fn growth(eigenvalues: &[C]) -> f64 {
     eigenvalues.iter().map(|e| e.re).fold(f64::NEG_INFINITY, f64::max)
@@ -327,85 +151,8 @@ pub fn least_damping(eigenvalues: &[C], below: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::loops::LoopModel;
-    use crate::control::testbed;
-    use crate::control::tuning::start_gains;
+    use crate::linear::dense;
     use approx::assert_relative_eq;
-
-    /// det(sI − A_cl) over det(sI − A_open) is det(I + Λ(s)): the matrix and
-    /// the frequency responses describe the same loop. Checked on jω with the
-    /// Padé delay of high order, with and without the outer loops.
-    #[test]
-    fn matrix_and_frequency_response_are_the_same_loop() {
-        let settings = LawSettings {
-            kappa: 0.25,
-            hybrid_feedforward: true,
-            reference_delay: 0.1,
-            roll_frequency: 2.0,
-            pitch_frequency: 1.7,
-            attitude_damping: 0.8,
-            yaw_time_constant: 0.5,
-            heave_time_constant: 2.0,
-            notch: Default::default(),
-        };
-        for speed in [0.0, 25.0] {
-            let plant = testbed::plant(speed, &testbed::NOMINAL);
-            let inversion = Inversion::new(&plant).unwrap();
-            let mut gains = GainSet::default();
-            for c in Channel::ALL {
-                gains[c.index()] = start_gains(c, 0.152, [0.0, 10.0]);
-            }
-            for outer in [false, true] {
-                let mut on = gains;
-                if !outer {
-                    on[4] = Default::default();
-                    on[5] = Default::default();
-                }
-                let omega: Vec<f64> = vec![0.3, 1.0, 2.5, 6.0];
-                let model = LoopModel::new(
-                    &plant,
-                    &inversion,
-                    &settings,
-                    testbed::HARDWARE,
-                    0.0,
-                    omega.clone().into(),
-                )
-                .unwrap();
-                let direct = model.determinant(&on);
-                // The open loop: all feedback removed, the same states.
-                let closed = closed_loop_matrix(
-                    &plant,
-                    &inversion,
-                    &settings,
-                    &testbed::HARDWARE,
-                    0.0,
-                    &on,
-                    6,
-                );
-                let mut open = closed.clone();
-                let np = plant.a.nrows();
-                for j in 0..4 {
-                    for k in 0..closed.ncols() {
-                        if k != np + j {
-                            open[(np + j, k)] = 0.0;
-                        }
-                    }
-                    open[(np + j, np + j)] = -testbed::HARDWARE.sensor_bandwidth;
-                }
-                for (w, d) in omega.iter().zip(&direct) {
-                    let det = |a: &DMatrix<f64>| {
-                        let m = DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| {
-                            C::new(-a[(i, j)], if i == j { *w } else { 0.0 })
-                        });
-                        m.lu().determinant()
-                    };
-                    let ratio = det(&closed) / det(&open);
-                    assert_relative_eq!(ratio.re, d.re, max_relative = 1e-4, epsilon = 1e-4);
-                    assert_relative_eq!(ratio.im, d.im, max_relative = 1e-4, epsilon = 1e-4);
-                }
-            }
-        }
-    }
 
     /// Two blocks: the growing one holds v and a state that is not measured.
     #[test]

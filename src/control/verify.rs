@@ -2,20 +2,24 @@
 //!
 //! Every metric by its exact definition on dense frequency grids with refined
 //! crossings, at the breakpoints and between them, for every model, and the
-//! eigenvalues of the full-order closed loop. Nothing of the conic programs
-//! is used.
+//! eigenvalues of the full-order closed loop. The loop is that of the law as it
+//! is flown, [`super::closed_loop`]: inner loops under an attitude demand, outer
+//! loops under a velocity demand. Nothing of the conic programs nor of the
+//! tuning's affine loops is used.
 
 pub use super::axis::inner_only;
-use super::axis::{Axis, Channel, ChannelGains, GainSet};
-use super::law::{LawTable, YAW_LEAD};
-use super::loops::{Cut, LoopModel};
+use super::axis::{Axis, Channel, ChannelGains};
+use super::closed_loop::{Closed, LawLoop, LawResponse, PlantLoop, closed_loop_matrix};
+use super::law::{LawPoint, LawTable, YAW_LEAD};
+use super::loops::{Cut, FrequencyModel};
 use super::metrics::{self, Margins, Sampled, decibels};
 use super::plant::{Hardware, ModelClass, ModelSet, PlantError, RIGID_STATES};
 use super::spec::{ChannelRequirement, Comfort, Specification};
 use super::stability::{self, PADE_ORDER};
-use super::tuning::{DRIFT_GROWTH, START_GROWTH, Targets, default_grid};
+use super::tuning::{DRIFT_GROWTH, START_GROWTH, Targets, WHOLE_SHARE, default_grid};
 use crate::linear::{LinearError, dense};
 use crate::units::STANDARD_GRAVITY as GRAVITY;
+use num_complex::Complex64 as C;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -62,6 +66,45 @@ pub struct Verification {
     pub rows: Vec<Row>,
     /// One a speed and model.
     pub stability: Vec<Stability>,
+    /// Where a closed outer loop is held to no requirement, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_required: Vec<NotRequired>,
+}
+
+/// A speed at which an outer loop is closed, but fades by design: it has no row
+/// there, since what is left of it cannot reject what the whole loop does. Its
+/// share in the margins at the effectors is judged with the inner axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NotRequired {
+    /// Channel.
+    pub axis: String,
+    /// True airspeed, m/s.
+    pub speed_m_s: f64,
+    /// Why.
+    pub reason: Fading,
+    /// Share of its attitude that the loop commands there.
+    pub share: f64,
+}
+
+/// Why an outer loop fades at a speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Fading {
+    /// Its gains go to zero between two breakpoints.
+    Gains,
+    /// Turn coordination takes over its attitude (Eq. 75).
+    TurnCoordination,
+}
+
+impl Fading {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Gains => "its gains fade to the next breakpoint",
+            Self::TurnCoordination => "turn coordination takes over its attitude",
+        }
+    }
 }
 
 /// Metrics of a channel at one speed and model.
@@ -196,15 +239,24 @@ pub fn verify(
     };
     let jobs: Vec<(usize, usize)> =
         (0..set.plants.len()).flat_map(|v| (0..set.models.len()).map(move |m| (v, m))).collect();
+    let flown: Vec<Flown> =
+        set.plants.par_iter().map(|plants| Flown::new(table, plants[0].speed, &grid)).collect();
     let results: Vec<(Vec<Row>, Vec<Stability>)> = jobs
         .par_iter()
-        .map(|&(v, m)| one(table, set, hardware, spec, &grid, v, m))
+        .map(|&(v, m)| one(table, &flown[v], set, hardware, spec, &grid, (v, m)))
         .collect::<Result<_, _>>()?;
     let (mut rows, mut checks) = (Vec::new(), Vec::new());
     for (r, s) in results {
         rows.extend(r);
         checks.extend(s);
     }
+    let speeds = set.speeds();
+    let not_required = spec
+        .channels
+        .iter()
+        .filter(|c| c.channel.is_outer())
+        .flat_map(|c| speeds.iter().filter_map(|v| not_required(table, c, *v)))
+        .collect();
     let stable = checks.iter().all(|s| s.passed);
     tracing::info!(
         rows = rows.len(),
@@ -221,6 +273,7 @@ pub fn verify(
         columns: COLUMNS.iter().map(|c| c.map(String::from)).collect(),
         rows,
         stability: checks,
+        not_required,
     })
 }
 
@@ -255,35 +308,97 @@ fn whole(table: &LawTable, channel: Channel, speed: f64) -> bool {
         .all(|p| p.gains[channel.index()] != ChannelGains::default())
 }
 
+/// Why an outer loop is held to no requirement at a speed where it is closed
+/// and in its range; `None`: it is held to them.
+fn fading(table: &LawTable, channel: Channel, speed: f64) -> Option<Fading> {
+    if table.outer_share(channel, speed) < WHOLE_SHARE {
+        Some(Fading::TurnCoordination)
+    } else if !whole(table, channel, speed) {
+        Some(Fading::Gains)
+    } else {
+        None
+    }
+}
+
+fn not_required(
+    table: &LawTable,
+    requirement: &ChannelRequirement,
+    speed: f64,
+) -> Option<NotRequired> {
+    let channel = requirement.channel;
+    let gains = table.at(speed).gains[channel.index()];
+    if !requirement.spec.applies(speed) || gains == ChannelGains::default() {
+        return None;
+    }
+    let share = table.outer_share(channel, speed);
+    let reason = fading(table, channel, speed)?;
+    Some(NotRequired { axis: channel.name().into(), speed_m_s: speed, reason, share })
+}
+
+/// The law at one speed: with the outer loops open, and closed where there are
+/// any; and the responses of both over the grid, which every model shares.
+struct Flown {
+    point: LawPoint,
+    /// Outer loops open, and closed.
+    modes: Vec<Mode>,
+}
+
+struct Mode {
+    law: LawLoop,
+    responses: Vec<LawResponse>,
+}
+
+impl Flown {
+    fn new(table: &LawTable, speed: f64, grid: &[f64]) -> Self {
+        let point = table.at(speed);
+        let outer_closed = inner_only(&point.gains) != point.gains;
+        let modes = [false, true]
+            .into_iter()
+            .filter(|velocity| outer_closed || !velocity)
+            .map(|velocity| {
+                let law = LawLoop::new(table, speed, velocity);
+                let responses = grid.iter().map(|&w| law.at(w)).collect();
+                Mode { law, responses }
+            })
+            .collect();
+        Self { point, modes }
+    }
+}
+
 fn one(
     table: &LawTable,
+    flown: &Flown,
     set: &ModelSet,
     hardware: &Hardware,
     spec: &Specification,
     grid: &Arc<[f64]>,
-    v: usize,
-    m: usize,
+    (v, m): (usize, usize),
 ) -> Result<(Vec<Row>, Vec<Stability>), VerifyError> {
     let (plant, info) = (&set.plants[v][m], &set.models[m]);
-    let point = table.at(plant.speed);
+    let point = &flown.point;
     let breakpoint = table.points().iter().any(|p| (p.speed - plant.speed).abs() < 1e-6);
-    let model = LoopModel::new(
-        plant,
-        &point.inversion,
-        &table.settings,
-        *hardware,
-        info.extra_delay,
-        grid.clone(),
-    )?;
-    let inner = inner_only(&point.gains);
-    let outer_closed = inner != point.gains;
+    let frequency = FrequencyModel::new(plant, *hardware, info.extra_delay)?;
+    let states: Vec<_> = grid.iter().map(|&w| frequency.states(w)).collect();
+    let curves: Vec<Vec<Closed>> = flown
+        .modes
+        .iter()
+        .map(|mode| {
+            grid.iter()
+                .zip(&states)
+                .zip(&mode.responses)
+                .map(|((&w, x), law)| Closed::new(w, *x, law.clone()))
+                .collect()
+        })
+        .collect();
+    let outer_closed = curves.len() > 1;
     let mut rows = Vec::new();
     for requirement in &spec.channels {
         let channel = requirement.channel;
         if channel.is_outer()
-            && !(requirement.spec.applies(plant.speed) && whole(table, channel, plant.speed))
+            && !(requirement.spec.applies(plant.speed)
+                && fading(table, channel, plant.speed).is_none())
         {
-            // Outside its range, or fading out between two breakpoints: not required here.
+            // Outside its range, or fading: not required here.
             continue;
         }
         if point.gains[channel.index()] == ChannelGains::default() {
@@ -296,29 +411,30 @@ fn one(
         }
         // Inner loops: rejection and crossover with the outer loops open, as
         // the attitude systems that the requirements speak of.
-        let gains = if channel.is_outer() { &point.gains } else { &inner };
+        let own = usize::from(channel.is_outer());
         let own_cut = if channel.is_outer() { Cut::Channel } else { Cut::Effector };
-        let margins = |gains: &GainSet, cut: Cut| {
-            let x = gains[channel.index()].values(channel);
-            let curve = model.channel(gains, channel, &[cut]).loop_curve(0, &x);
-            let exact = |w: f64| model.loop_at(gains, channel, cut, w);
-            metrics::margins(Sampled { omega: grid, value: &curve, exact: Some(&exact) })
+        let of = |mode: usize| PlantLoop::new(&frequency, &flown.modes[mode].law);
+        let curve = |mode: usize, value: &dyn Fn(&Closed) -> C| -> Vec<C> {
+            curves[mode].iter().map(value).collect()
         };
-        let mut found = margins(gains, own_cut);
-        if outer_closed || channel.is_outer() {
+        let margins = |mode: usize, cut: Cut| {
+            let values = curve(mode, &|closed| closed.cut(channel, cut));
+            let exact = |w: f64| of(mode).at(w).cut(channel, cut);
+            metrics::margins(Sampled { omega: grid, value: &values, exact: Some(&exact) })
+        };
+        let mut found = margins(own, own_cut);
+        if outer_closed {
             // The effector's margins with everything closed.
-            found = worse(found, margins(&point.gains, Cut::Effector));
+            found = worse(found, margins(1, Cut::Effector));
         }
-        let x = gains[channel.index()].values(channel);
-        let loops = model.channel(gains, channel, &[Cut::Effector]);
-        let s = loops.sensitivity_curve(&x);
-        let exact = |w: f64| model.sensitivity_at(gains, channel, w);
+        let s = curve(own, &|closed| closed.sensitivity(channel));
+        let exact = |w: f64| of(own).at(w).sensitivity(channel);
         let rejection = metrics::rejection(Sampled { omega: grid, value: &s, exact: Some(&exact) });
-        let u = loops.activity_curve(&x);
+        let u = curve(own, &|closed| closed.activity(channel));
         let activity = metrics::activity(Sampled::new(grid, &u), metrics::ACTIVITY_BAND);
         let bandwidth = matches!(channel, Channel::Roll | Channel::Pitch).then(|| {
-            let response = |w: f64| model.attitude_response_at(&inner, channel.axis(), w);
-            let values: Vec<_> = grid.iter().map(|&w| response(w)).collect();
+            let response = |w: f64| of(0).at(w).attitude(channel.axis());
+            let values = curve(0, &|closed| closed.attitude(channel.axis()));
             metrics::bandwidth(Sampled { omega: grid, value: &values, exact: Some(&response) })
         });
         let targets = requirement.spec.targets(info.class);
@@ -347,23 +463,11 @@ fn one(
         rows.push(row);
     }
     let mut checks = Vec::new();
-    for (gains, outer_loops) in [(&inner, false), (&point.gains, true)] {
-        if outer_loops && !outer_closed {
-            continue;
-        }
-        let matrix = |order: usize| {
-            stability::closed_loop_matrix(
-                plant,
-                &point.inversion,
-                &table.settings,
-                hardware,
-                info.extra_delay,
-                gains,
-                order,
-            )
-        };
-        let fine = matrix(PADE_ORDER + 2);
-        let first = dense::eigenvalues(&matrix(PADE_ORDER))?;
+    for (mode, outer_loops) in flown.modes.iter().zip([false, true]) {
+        let matrix =
+            |order: usize| closed_loop_matrix(plant, &mode.law, hardware, info.extra_delay, order);
+        let fine = matrix(PADE_ORDER + 2)?;
+        let first = dense::eigenvalues(&matrix(PADE_ORDER)?)?;
         let refined = dense::eigenvalues(&fine)?;
         let growth = stability::growth(&refined);
         let change = (growth - stability::growth(&first)).abs();
@@ -707,6 +811,7 @@ mod tests {
     use super::super::plant::Inversion;
     use super::super::{spec, testbed};
     use super::*;
+    use crate::control::axis::GainSet;
 
     /// An outer loop to 50 kt over breakpoints every 20 kt is whole to 40 kt, and
     /// fades from there to 60 kt; one that is closed at the ends is whole beyond.

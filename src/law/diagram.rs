@@ -220,6 +220,17 @@ pub struct Feed {
     pub input: Wire,
 }
 
+/// A port at an entry of the tables; see [`Diagram::tapped`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tap {
+    /// Place of the entry in the flat order of [`tables`](super::tables).
+    pub entry: usize,
+    /// Name of the input.
+    pub input: String,
+    /// Name of the signal that the entry multiplies.
+    pub signal: String,
+}
+
 /// A law as blocks and wires.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Diagram {
@@ -496,6 +507,80 @@ impl Diagram {
             needed[step.0] = true;
         }
         Self { outputs, monitors: Vec::new(), ..self.clone() }.keep(&needed)
+    }
+
+    /// The diagram with ports at entries of the tables: for each, an input that
+    /// is added where the entry's product stands, and the signal that the entry
+    /// multiplies, among the monitors. Entries without a product of that form
+    /// get none.
+    ///
+    /// With the entries at zero and each input set to the entry times its
+    /// signal, the diagram is the one that it was: so the derivative of whatever
+    /// it computes by an entry is the answer to the input times the signal.
+    pub fn tapped(&self, entries: &[usize]) -> (Self, Vec<Tap>) {
+        // Places of sums and of their terms, and what the entry multiplies.
+        let found: Vec<(usize, usize, usize, Wire)> = entries
+            .iter()
+            .filter_map(|&entry| {
+                let is_entry = |w: &Wire| self.block(*w).kind == Kind::Entry(entry);
+                self.blocks.iter().enumerate().find_map(|(k, b)| {
+                    let Kind::Sum(terms) = &b.kind else { return None };
+                    terms.iter().enumerate().find_map(|(t, term)| match term.factors[..] {
+                        [a, b] if is_entry(&a) => Some((entry, k, t, b)),
+                        [a, b] if is_entry(&b) => Some((entry, k, t, a)),
+                        _ => None,
+                    })
+                })
+            })
+            .collect();
+        // New inputs follow those that there are.
+        let is_input = |b: &Block| matches!(b.kind, Kind::Input | Kind::Switch);
+        let at = self.blocks.iter().rposition(is_input).map_or(0, |k| k + 1);
+        let place: Vec<Wire> = (0..self.blocks.len())
+            .map(|k| Wire(if k < at { k } else { k + found.len() }))
+            .collect();
+        let mut out = self.clone();
+        for block in &mut out.blocks {
+            rename(&mut block.kind, &place);
+        }
+        let mut taps = Vec::with_capacity(found.len());
+        let mut inputs = Vec::with_capacity(found.len());
+        for (n, (entry, sum, term, signal)) in found.into_iter().enumerate() {
+            let name = super::tables::entry(entry).map_or_else(
+                || format!("tap_{entry}"),
+                |(form, i, j)| {
+                    format!("tap_{}_{}_{}", form.name, form.rows[i].0, form.columns[j].0)
+                },
+            );
+            let unit = out.blocks[sum].unit;
+            if let Kind::Sum(terms) = &mut out.blocks[sum].kind {
+                let negative = terms[term].negative;
+                terms.push(Term { negative, factors: vec![Wire(at + n)] });
+            }
+            inputs.push(Block {
+                name: name.clone(),
+                unit,
+                comment: "added where the entry's product stands".into(),
+                kind: Kind::Input,
+                group: 0,
+            });
+            taps.push(Tap { entry, input: name, signal: self.block(signal).name.clone() });
+            out.monitors.push(signal);
+        }
+        out.blocks.splice(at..at, inputs);
+        let to = |w: Wire| place[w.0];
+        for store in &mut out.stores {
+            (store.memory, store.next) = (to(store.memory), to(store.next));
+            (store.rate, store.engaged) = (store.rate.map(to), store.engaged.map(to));
+        }
+        for feed in &mut out.feeds {
+            (feed.line, feed.input) = (to(feed.line), to(feed.input));
+        }
+        (out.schedule, out.step) = (out.schedule.map(to), out.step.map(to));
+        for list in [&mut out.outputs, &mut out.monitors] {
+            list.iter_mut().for_each(|w| *w = to(*w));
+        }
+        (out, taps)
     }
 
     fn keep(&self, needed: &[bool]) -> Self {

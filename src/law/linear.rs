@@ -7,7 +7,7 @@
 //! outside: what they give are inputs, what enters them are outputs.
 
 use super::diagram::{Diagram, Function, Kind, Wire};
-use super::program::{Breakpoints, Memory, Program};
+use super::program::{AT_A_BREAKPOINT, Breakpoints, Memory, Program};
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 
@@ -143,45 +143,58 @@ impl LinearLaw {
         self.outputs.iter().position(|n| n == name)
     }
 
-    /// The part of the law that the named outputs depend on, in continuous
-    /// time: states that they do not see, and states that nothing moves, are
-    /// left out.
-    pub fn seen_by(&self, outputs: &[&str]) -> Self {
-        let n = self.states.len();
-        let wanted: Vec<usize> = outputs.iter().filter_map(|name| self.output(name)).collect();
-        let first_line = self.outputs.len() - self.lines;
-        let first_late = self.inputs.len() - self.lines;
-        let still = |k: usize| {
-            self.a.row(k).iter().all(|v| *v == 0.0) && self.b.row(k).iter().all(|v| *v == 0.0)
+    /// The part of the law that leads from the named inputs to the named
+    /// outputs, in continuous time: states and delay lines that these inputs do
+    /// not move, or that these outputs do not see, are left out. Names that are
+    /// not there are left out, too.
+    pub fn part(&self, inputs: &[&str], outputs: &[&str]) -> Self {
+        let (n, lines) = (self.states.len(), self.lines);
+        let columns: Vec<usize> = inputs.iter().filter_map(|name| self.input(name)).collect();
+        let rows: Vec<usize> = outputs.iter().filter_map(|name| self.output(name)).collect();
+        let first_line = self.outputs.len() - lines;
+        let first_late = self.inputs.len() - lines;
+        // States, then delay lines: what moves one of them, and what moves it.
+        let size = n + lines;
+        let by = |to: usize, from: usize| -> f64 {
+            match (to < n, from < n) {
+                (true, true) => self.a[(to, from)],
+                (true, false) => self.b[(to, first_late + from - n)],
+                (false, true) => self.c[(first_line + to - n, from)],
+                (false, false) => self.d[(first_line + to - n, first_late + from - n)],
+            }
         };
-        let (mut states, mut lines) = (vec![false; n], vec![false; self.lines]);
-        loop {
-            let before = (states.clone(), lines.clone());
-            let rows = wanted
-                .iter()
-                .copied()
-                .chain((0..self.lines).filter(|k| lines[*k]).map(|k| first_line + k));
-            let mut reached: Vec<(&DMatrix<f64>, &DMatrix<f64>, usize)> =
-                rows.map(|r| (&self.c, &self.d, r)).collect();
-            reached.extend((0..n).filter(|k| states[*k]).map(|k| (&self.a, &self.b, k)));
-            let (mut more_states, mut more_lines) = (Vec::new(), Vec::new());
-            for (from_states, from_inputs, row) in reached {
-                more_states.extend((0..n).filter(|k| from_states[(row, *k)] != 0.0 && !still(*k)));
-                more_lines
-                    .extend((0..self.lines).filter(|k| from_inputs[(row, first_late + k)] != 0.0));
+        let from_input = |to: usize, column: usize| -> f64 {
+            if to < n { self.b[(to, column)] } else { self.d[(first_line + to - n, column)] }
+        };
+        let to_output = |row: usize, from: usize| -> f64 {
+            if from < n { self.c[(row, from)] } else { self.d[(row, first_late + from - n)] }
+        };
+        let spread = |mut set: Vec<bool>, joins: &dyn Fn(usize, usize) -> bool| -> Vec<bool> {
+            let mut open: Vec<usize> = (0..size).filter(|k| set[*k]).collect();
+            while let Some(k) = open.pop() {
+                for (other, known) in set.iter_mut().enumerate() {
+                    if !*known && joins(k, other) {
+                        *known = true;
+                        open.push(other);
+                    }
+                }
             }
-            more_states.into_iter().for_each(|k| states[k] = true);
-            more_lines.into_iter().for_each(|k| lines[k] = true);
-            if before == (states.clone(), lines.clone()) {
-                break;
-            }
-        }
-        let kept: Vec<usize> = (0..n).filter(|k| states[*k]).collect();
-        let kept_lines: Vec<usize> = (0..self.lines).filter(|k| lines[*k]).collect();
+            set
+        };
+        let moved = spread(
+            (0..size).map(|k| columns.iter().any(|c| from_input(k, *c) != 0.0)).collect(),
+            &|k, other| by(other, k) != 0.0,
+        );
+        let seen = spread(
+            (0..size).map(|k| rows.iter().any(|r| to_output(*r, k) != 0.0)).collect(),
+            &|k, other| by(k, other) != 0.0,
+        );
+        let kept: Vec<usize> = (0..n).filter(|k| moved[*k] && seen[*k]).collect();
+        let kept_lines: Vec<usize> = (0..lines).filter(|k| moved[n + k] && seen[n + k]).collect();
         let columns: Vec<usize> =
-            (0..first_late).chain(kept_lines.iter().map(|k| first_late + k)).collect();
+            columns.into_iter().chain(kept_lines.iter().map(|k| first_late + k)).collect();
         let rows: Vec<usize> =
-            wanted.into_iter().chain(kept_lines.iter().map(|k| first_line + k)).collect();
+            rows.into_iter().chain(kept_lines.iter().map(|k| first_line + k)).collect();
         Self {
             step: self.step,
             states: kept.iter().map(|k| self.states[*k].clone()).collect(),
@@ -193,6 +206,28 @@ impl LinearLaw {
             c: self.c.select_rows(&rows).select_columns(&kept),
             d: self.d.select_rows(&rows).select_columns(&columns),
         }
+    }
+
+    /// The part that leads from any input to the named outputs.
+    pub fn seen_by(&self, outputs: &[&str]) -> Self {
+        let inputs: Vec<&str> =
+            self.inputs[..self.inputs.len() - self.lines].iter().map(String::as_str).collect();
+        self.part(&inputs, outputs)
+    }
+
+    /// The same law where one input is a sum of others: `input` moves as `by`
+    /// says, a number for each of the first inputs, and counts no more by
+    /// itself.
+    pub fn with_input_from(&self, input: usize, by: &[f64]) -> Self {
+        let mut out = self.clone();
+        for m in [&mut out.b, &mut out.d] {
+            let own = m.column(input).into_owned();
+            for (k, by) in by.iter().enumerate() {
+                m.column_mut(k).axpy(*by, &own, 1.0);
+            }
+            m.column_mut(input).fill(0.0);
+        }
+        out
     }
 
     /// Response from inputs to outputs at s (z, in discrete time), the delay
@@ -271,8 +306,10 @@ fn partials(
             vec![(*x, slope)]
         }
         Kind::Maximum(a, b) => {
-            // On the edge the first counts, as in `held_slopes`.
-            vec![if value(*a) >= value(*b) { (*a, 1.0) } else { (*b, 1.0) }]
+            // On the edge the first counts, as in `held_slopes`: a speed of the
+            // schedule that is zero but for rounding is at the first breakpoint.
+            let first = value(*a) >= value(*b) - AT_A_BREAKPOINT;
+            vec![(if first { *a } else { *b }, 1.0)]
         }
         Kind::Limit { input, low, high } => {
             let [x, l, h] = held_slopes(value(*input), value(*low), value(*high));

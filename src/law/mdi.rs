@@ -1457,14 +1457,20 @@ impl Builder {
                 terms.push(term(&[k_d, e.rates[i]]));
             }
             let [k_p, k_i] = ["k_p", "k_i"].map(|g| self.entry("gains", channel, g));
-            terms.push(term(&[k_p, e.errors[i]]));
-            terms.push(term(&[k_i, e.integrals[i]]));
+            let mut held = e.integrals[i];
             if i == 2
-                && let Some(port) = self.d.find("port_heading")
+                && let Some(port) = self.port("port_heading")
             {
                 // What is held is the integral of the output.
-                terms.push(-term(&[k_i, port]));
+                held = self.d.sum(
+                    "r_integral_port",
+                    "rad",
+                    "the integral with the port",
+                    &[held.into(), port],
+                );
             }
+            terms.push(term(&[k_p, e.errors[i]]));
+            terms.push(term(&[k_i, held]));
             let f = self.row("feedback", row, &states, &ideal.off);
             terms.extend(f.into_iter().map(|t| -t));
             wanted[i] = self.d.sum(

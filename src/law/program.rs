@@ -41,14 +41,23 @@ impl Breakpoints {
             let gap = self.speeds[high] - self.speeds[low];
             if gap > 0.0 { (self.values[high][place] - self.values[low][place]) / gap } else { 0.0 }
         };
-        let (low, high, _) = self.around(speed);
-        let up = of(low, high);
-        match self.speeds.iter().position(|v| *v == speed) {
-            Some(k) => 0.5 * (up + of(k.saturating_sub(1), k)),
-            None => up,
+        // Trims reach the speed of their breakpoint to rounding.
+        let near = |v: &f64| (*v - speed).abs() <= AT_A_BREAKPOINT;
+        match self.speeds.iter().position(near) {
+            Some(k) => {
+                let last = self.speeds.len() - 1;
+                0.5 * (of(k.saturating_sub(1), k) + of(k, (k + 1).min(last)))
+            }
+            None => {
+                let (low, high, _) = self.around(speed);
+                of(low, high)
+            }
         }
     }
 }
+
+/// How near a speed must be to a breakpoint to count as the same, m/s.
+pub(super) const AT_A_BREAKPOINT: f64 = 1e-6;
 
 /// Product of two numbers and a coefficient.
 #[derive(Debug, Clone, Copy)]

@@ -389,8 +389,7 @@ fn explanations(
         let Some(row) = hardest.filter(|row| all || !row.passed) else { continue };
         let plant = nodes.plants.iter().find(|p| (p[0].speed - row.speed_m_s).abs() < SAME_SPEED);
         let Some(plant) = plant else { continue };
-        let point = table.at(row.speed_m_s);
-        out.push(explain(spec, &table.settings, &plant[0], &point, requirement)?);
+        out.push(explain(spec, table, &plant[0], requirement)?);
     }
     Ok(out)
 }

@@ -8,7 +8,7 @@ use super::super::modes::plane;
 use super::super::trim::{failures, figure as trim_curves, on_off, published};
 use super::super::tune::{
     authority_text, explanations_text, figures as design_figures, gains_table, left_out_text,
-    rows_table,
+    not_required_text, rows_table,
 };
 use super::super::version;
 use super::Inputs;
@@ -136,6 +136,9 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
     );
     if drifts > 0 {
         text += &format!(" {drifts} more drift slowly until the outer loops hold them.");
+    }
+    for n in &v.not_required {
+        text += &format!(" {}.", not_required_text(n, system));
     }
     if let Some(worst) = least(v.rows.iter()) {
         text += &format!(
@@ -832,6 +835,7 @@ fn margin_figures(
         columns: Vec::new(),
         rows: Vec::new(),
         stability: Vec::new(),
+        not_required: Vec::new(),
     };
     let verification = inputs.checked.as_ref().map_or(&empty, |c| &c.verification);
     design_figures(

@@ -32,7 +32,8 @@ pub use starts::{DRIFT_GROWTH, START_GROWTH, equivalent_delay, start_gains};
 pub use targets::{ChannelSpec, Price, Requirement, Target, Targets};
 
 use super::axis::{Channel, ChannelGains, GainSet};
-use super::loops::{LawSettings, LoopModel};
+use super::law::{LawError, LawPoint, LawTable, TurnCoordination};
+use super::loops::{GainGrid, LawSettings, LoopModel};
 use super::metrics;
 use super::plant::{Hardware, Inversion, ModelClass, ModelSet, Plant, PlantError};
 use crate::numerics::conic::ConicError;
@@ -43,6 +44,9 @@ use sweeps::{LATER_TRUST, Run, Sweeps};
 
 /// Factor on the prices in the last sweeps.
 const LAST_PRICES: f64 = 10.0;
+/// Least share of an attitude at which an outer loop is held to its
+/// requirements; with less, it is fading into turn coordination.
+pub const WHOLE_SHARE: f64 = 1.0 - 1e-6;
 /// Number of the last sweeps at most.
 const LAST_SWEEPS: usize = 4;
 
@@ -135,6 +139,9 @@ pub enum TuningError {
         /// Speed, m/s.
         speed: f64,
     },
+    /// The breakpoints are no table.
+    #[error(transparent)]
+    Law(#[from] LawError),
     /// Nothing to tune.
     #[error("there is nothing to tune: {0}")]
     Empty(&'static str),
@@ -176,6 +183,9 @@ impl TuningStats {
 pub struct LoopSet {
     /// `nodes[speed][model]`.
     pub nodes: Vec<Vec<LoopModel>>,
+    /// The same as if the outer loops had the attitudes by themselves, at
+    /// speeds where turn coordination has a share of them.
+    pub undivided: Vec<Option<Vec<LoopModel>>>,
     /// Between breakpoints, where the interpolated law must do.
     pub between: Vec<Between>,
 }
@@ -215,6 +225,8 @@ pub struct TuningProblem<'a> {
     pub hardware: Hardware,
     /// The law's choices.
     pub settings: LawSettings,
+    /// Turn coordination.
+    pub turn: TurnCoordination,
     /// Channels to tune, with their specifications, in the order of tuning.
     pub channels: Vec<(Channel, ChannelSpec)>,
     /// Solver settings.
@@ -257,36 +269,51 @@ impl TuningProblem<'_> {
         grid.into()
     }
 
+    /// The law at the breakpoints, its gains at zero.
+    fn table(&self, inversions: &[Inversion]) -> Result<LawTable, LawError> {
+        let points = self.set.speeds().into_iter().zip(inversions);
+        let points = points.map(|(speed, inversion)| LawPoint {
+            speed,
+            gains: GainSet::default(),
+            inversion: inversion.clone(),
+        });
+        LawTable::new(points.collect(), self.settings, self.turn)
+    }
+
     /// Loops of every speed and model.
-    fn loop_models(
-        &self,
-        inversions: &[Inversion],
-        grid: &Arc<[f64]>,
-    ) -> Result<LoopSet, TuningError> {
-        let pairs: Vec<(usize, usize)> = (0..self.set.plants.len())
-            .flat_map(|v| (0..self.set.models.len()).map(move |m| (v, m)))
-            .collect();
-        let list: Result<Vec<LoopModel>, PlantError> = pairs
-            .par_iter()
-            .map(|&(v, m)| {
-                LoopModel::new(
-                    &self.set.plants[v][m],
-                    &inversions[v],
-                    &self.settings,
-                    self.hardware,
-                    self.set.models[m].extra_delay,
-                    grid.clone(),
-                )
-            })
-            .collect();
-        let mut list = list?.into_iter();
-        let nodes = self
-            .set
-            .plants
-            .iter()
-            .map(|_| list.by_ref().take(self.set.models.len()).collect())
-            .collect();
+    fn loop_models(&self, table: &LawTable, grid: &Arc<[f64]>) -> Result<LoopSet, TuningError> {
+        let all = |table: &LawTable, speeds: &[Option<f64>]| -> Vec<Option<GainGrid>> {
+            let at = |v: &Option<f64>| v.map(|v| GainGrid::new(table, v, grid.clone()));
+            speeds.par_iter().map(at).collect()
+        };
         let speeds = self.set.speeds();
+        let loops = |v: usize, law: &GainGrid| -> Result<Vec<LoopModel>, PlantError> {
+            let (plants, models) = (&self.set.plants[v], &self.set.models);
+            (0..models.len())
+                .into_par_iter()
+                .map(|m| LoopModel::new(&plants[m], law, self.hardware, models[m].extra_delay))
+                .collect()
+        };
+        let everywhere = |laws: &[Option<GainGrid>]| -> Result<Vec<_>, PlantError> {
+            let at = |(v, law): (usize, &Option<GainGrid>)| {
+                law.as_ref().map(|law| loops(v, law)).transpose()
+            };
+            laws.iter().enumerate().map(at).collect()
+        };
+        let laws = all(table, &speeds.iter().map(|v| Some(*v)).collect::<Vec<_>>());
+        let nodes = everywhere(&laws)?.into_iter().flatten().collect();
+        // Turn coordination out of reach.
+        let mut alone = table.clone();
+        alone.turn.speed = f64::MAX.sqrt();
+        let divided = |v: f64| {
+            let closed = |c: &(Channel, ChannelSpec)| {
+                c.1.applies(v) && table.outer_share(c.0, v) < WHOLE_SHARE
+            };
+            self.channels.iter().any(closed)
+        };
+        let undivided: Vec<Option<f64>> =
+            speeds.iter().map(|v| divided(*v).then_some(*v)).collect();
+        let undivided = everywhere(&all(&alone, &undivided))?;
         let between: Result<Vec<Option<Between>>, PlantError> = self
             .between
             .par_iter()
@@ -300,19 +327,13 @@ impl TuningProblem<'_> {
                 if weight < 1e-9 {
                     return Ok(None);
                 }
-                let inversion = inversions[lower].blend(&inversions[upper], weight);
-                let model = LoopModel::new(
-                    plant,
-                    &inversion,
-                    &self.settings,
-                    self.hardware,
-                    self.set.models[0].extra_delay,
-                    grid.clone(),
-                )?;
+                let law = GainGrid::new(table, plant.speed, grid.clone());
+                let late = self.set.models[0].extra_delay;
+                let model = LoopModel::new(plant, &law, self.hardware, late)?;
                 Ok(Some(Between { lower, weight, model }))
             })
             .collect();
-        Ok(LoopSet { nodes, between: between?.into_iter().flatten().collect() })
+        Ok(LoopSet { nodes, undivided, between: between?.into_iter().flatten().collect() })
     }
 
     /// Sets the gains of each channel to zero at the speeds where it is open.
@@ -350,12 +371,13 @@ impl TuningProblem<'_> {
         let inversions: Vec<Inversion> =
             self.set.plants.iter().map(|p| Inversion::new(&p[0])).collect::<Result<_, _>>()?;
         let mut grid = self.grid();
-        let mut models = self.loop_models(&inversions, &grid)?;
+        let table = self.table(&inversions)?;
+        let mut models = self.loop_models(&table, &grid)?;
         let mut stats =
             TuningStats { assembly_time: clock.elapsed().as_secs_f64(), ..TuningStats::default() };
         let mut gains = match start {
             Some(start) => start.to_vec(),
-            None => self.starts(&inversions)?,
+            None => self.starts(&inversions, &table)?,
         };
         self.open_where_not_closed(&mut gains, &speeds);
         // The inner loops by themselves, then the outer ones around them, with
@@ -386,7 +408,7 @@ impl TuningProblem<'_> {
                         g[c.index()] = s[c.index()];
                     }
                 }
-                self.slow_down_outer(&run, &inversions, group, &mut gains);
+                self.slow_down_outer(&table, group, &mut gains);
             }
             sweeps += run.sweeps(group, &mut gains, &mut stats)?.sweeps;
         }
@@ -402,7 +424,7 @@ impl TuningProblem<'_> {
         .refined_grid(&grid, &all, &gains);
         if refined.len() > grid.len() {
             grid = refined;
-            models = self.loop_models(&inversions, &grid)?;
+            models = self.loop_models(&table, &grid)?;
         }
         stats.assembly_time += clock.elapsed().as_secs_f64();
         let options = TuningOptions {

@@ -6,7 +6,7 @@ use super::super::kite::{Kite, magnitude};
 use super::super::loops::{ChannelLoops, Cut, Dependence, LoopModel, affine_value, without_hold};
 use super::super::metrics;
 use super::targets::{ChannelSpec, KINDS, Targets};
-use super::{Between, LoopSet, Shared, TuningOptions};
+use super::{Between, LoopSet, Shared, TuningOptions, WHOLE_SHARE};
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
 
@@ -110,11 +110,22 @@ impl SiteMaker<'_> {
             .collect();
         nodes
             .par_iter()
-            .map(|(v, m, gains, closed)| {
+            .flat_map_iter(|(v, m, gains, closed)| {
+                let place = places[*v];
                 let targets = *self.spec.targets(classes[*m]);
-                let targets = if *closed { targets.margins_only() } else { targets };
-                let site = self.site(&models.nodes[places[*v]][*m], gains, self.cuts(), targets);
-                Site { speed: *v, nominal: *m == 0 && !closed, ..site }
+                let model = &models.nodes[place][*m];
+                let divided = model.law().share(self.channel) < WHOLE_SHARE;
+                let margins = if *closed || divided { targets.margins_only() } else { targets };
+                let cuts = if divided { &self.cuts()[..1] } else { self.cuts() };
+                let site = self.site(model, gains, cuts, margins);
+                let flown = Site { speed: *v, nominal: *m == 0 && !closed && !divided, ..site };
+                // Where turn coordination has a share of the bank, the gains are
+                // those of the loop by itself: the law fades what it asks for.
+                let alone = models.undivided[place].as_ref().filter(|_| divided).map(|list| {
+                    let site = self.site(&list[*m], gains, self.cuts(), targets);
+                    Site { speed: *v, nominal: *m == 0, ..site }
+                });
+                std::iter::once(flown).chain(alone)
             })
             .collect()
     }
@@ -138,7 +149,7 @@ impl SiteMaker<'_> {
             };
             let blended: GainSet =
                 std::array::from_fn(|c| gains[b.lower][c].blend(&gains[b.lower + 1][c], b.weight));
-            let fading = next.is_none();
+            let fading = next.is_none() || b.model.law().share(self.channel) < WHOLE_SHARE;
             let cuts = if fading { &self.cuts()[..1] } else { self.cuts() };
             self.variants(&blended)
                 .into_iter()

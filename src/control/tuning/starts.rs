@@ -2,12 +2,14 @@
 //! model.
 
 use super::super::axis::{Axis, Channel, ChannelGains, GainSet, inner_only};
+use super::super::closed_loop::{LawLoop, closed_loop_matrix};
+use super::super::law::LawTable;
 use super::super::loops::FrequencyModel;
 use super::super::plant::{Hardware, Inversion, Plant};
 use super::super::stability;
-use super::sweeps::Run;
 use super::targets::ChannelSpec;
 use super::{TuningError, TuningProblem};
+use crate::linear::dense;
 use nalgebra::DMatrix;
 use num_complex::Complex64 as C;
 use rayon::prelude::*;
@@ -26,7 +28,11 @@ pub const DRIFT_GROWTH: f64 = 0.05;
 impl TuningProblem<'_> {
     /// Starting gains: for each speed the first of a few that stabilises every
     /// model, scaled from the equivalent delay of the nominal plant.
-    pub fn starts(&self, inversions: &[Inversion]) -> Result<Vec<GainSet>, TuningError> {
+    pub(super) fn starts(
+        &self,
+        inversions: &[Inversion],
+        table: &LawTable,
+    ) -> Result<Vec<GainSet>, TuningError> {
         let speeds = self.set.plants.iter().zip(inversions).collect::<Vec<_>>();
         speeds
             .par_iter()
@@ -46,7 +52,7 @@ impl TuningProblem<'_> {
                     }
                     let inner = inner_only(&g);
                     let worst = self
-                        .growths(plants, inversion, &inner)
+                        .growths(plants, table, &inner)
                         .into_iter()
                         .enumerate()
                         .max_by(|a, b| a.1.total_cmp(&b.1));
@@ -82,21 +88,20 @@ impl TuningProblem<'_> {
     }
 
     /// Largest real part of the closed loop of each model at one speed.
-    fn growths(&self, plants: &[Plant], inversion: &Inversion, gains: &GainSet) -> Vec<f64> {
+    fn growths(&self, plants: &[Plant], table: &LawTable, gains: &GainSet) -> Vec<f64> {
+        let table = table.with_gains(|_| *gains);
+        let outer = inner_only(gains) != *gains;
+        let Some(plant) = plants.first() else { return Vec::new() };
+        let law = LawLoop::new(&table, plant.speed, outer);
         plants
             .iter()
             .zip(&self.set.models)
             .map(|(plant, model)| {
-                stability::closed_loop_eigenvalues(
-                    plant,
-                    inversion,
-                    &self.settings,
-                    &self.hardware,
-                    model.extra_delay,
-                    gains,
-                    stability::PADE_ORDER,
-                )
-                .map_or(f64::NAN, |e| stability::growth(&e))
+                let late = model.extra_delay;
+                closed_loop_matrix(plant, &law, &self.hardware, late, stability::PADE_ORDER)
+                    .ok()
+                    .and_then(|matrix| dense::eigenvalues(&matrix).ok())
+                    .map_or(f64::NAN, |e| stability::growth(&e))
             })
             .collect()
     }
@@ -105,8 +110,7 @@ impl TuningProblem<'_> {
     /// one is stable; failing that, leaves them where it grows least.
     pub(super) fn slow_down_outer(
         &self,
-        run: &Run,
-        inversions: &[Inversion],
+        table: &LawTable,
         group: &[(Channel, ChannelSpec)],
         gains: &mut [GainSet],
     ) {
@@ -114,10 +118,10 @@ impl TuningProblem<'_> {
             let mut best = (f64::INFINITY, *g);
             for _ in 0..8 {
                 let worst = self
-                    .growths(&self.set.plants[v], &inversions[v], g)
+                    .growths(&self.set.plants[v], table, g)
                     .into_iter()
                     .fold(f64::NEG_INFINITY, f64::max);
-                if worst < START_GROWTH || !run.shared.speeds[v].is_finite() {
+                if worst < START_GROWTH {
                     return;
                 }
                 if worst < best.0 {
