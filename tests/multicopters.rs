@@ -29,6 +29,53 @@ fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
     assert!(error < tolerance, "{what}: {value}, expected {expected}");
 }
 
+/// A specification of the tree, an aircraft and the channels that its flight must
+/// hold, by the largest error against the law's references.
+fn designed(name: &str, specification: &str) {
+    use coaxdesign::pipeline::{
+        FlightPlan, PipelineError, Requirements, Silent, TuneOptions, fly, tune,
+    };
+    use coaxdesign::simulate::{Status, maneuver};
+    let path = format!("{}/problems/{specification}", env!("CARGO_MANIFEST_DIR"));
+    let requirements = Requirements::load(std::path::Path::new(&path)).unwrap();
+    let aircraft = coaxdesign::problem::builtin_named(name).unwrap();
+    let tuned = tune(&aircraft, &requirements, &TuneOptions::default(), &Silent).unwrap();
+    assert!(tuned.verified.met(), "{name}");
+    assert!(tuned.schedule.requirements_met, "{name}");
+    for check in &tuned.verified.authority {
+        assert!(check.passed, "{name}: {check:?}");
+    }
+    let flown = maneuver::builtin("dash-climb-turn").unwrap().unwrap();
+    let plan = FlightPlan::new(flown, Some(&tuned.schedule)).unwrap();
+    let mut rows = 0;
+    let flight = fly(
+        &aircraft.problem,
+        Some(&tuned.schedule),
+        &plan,
+        &Silent,
+        |_, row| -> Result<(), PipelineError> {
+            rows += 1;
+            assert!(row.iter().all(|value| value.is_finite()), "{name}: row {rows}");
+            Ok(())
+        },
+    )
+    .unwrap();
+    assert_eq!(flight.status, Status::Completed, "{name}");
+    for track in &flight.metrics.tracking {
+        // m/s, rad and rad/s alike.
+        assert!(track.size.peak < 0.5, "{name}: {track:?}");
+    }
+}
+
+/// The whole way for each multicopter: tuned and verified, all steps within what
+/// its rotors can do, flown through a manoeuvre.
+#[test]
+fn multicopters_are_designed_and_flown() {
+    designed("hummingbird", "hq-multicopter.toml");
+    designed("firefly", "hq-multicopter.toml");
+    designed("octo-x8", "hq-octo-x8.toml");
+}
+
 /// (rotor, ṗ, q̇, ṙ per rad/s): `aircraft.md` derives them from mass, arms and
 /// coefficients.
 type Rows = [(&'static str, f64, f64, f64)];

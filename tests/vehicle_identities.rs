@@ -479,6 +479,7 @@ fn distant_rotors_are_two_rotors_alone() {
         let mut p = common::coarsened(problem("coax2d"));
         p.rotors[0].hub.butt_line += sideways;
         p.rotors[0].hub.water_line += up;
+        p.inflow.reach = f64::INFINITY;
         for rotor in &mut p.rotors {
             rotor.tilt = 0.0;
         }
