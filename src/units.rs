@@ -124,6 +124,8 @@ pub enum Kind {
     DragFactor,
     /// 1/rad; 1/rad.
     PerAngle,
+    /// 1/rad²; 1/rad².
+    PerAngleSquared,
 }
 
 /// Exponents of length, mass, time, temperature, plane angle and percent.
@@ -164,7 +166,7 @@ const fn scaled(symbol: &'static str, factor: f64) -> Display {
 
 impl Kind {
     /// Every kind, for tests and documentation.
-    pub const ALL: [Kind; 33] = [
+    pub const ALL: [Kind; 34] = [
         Kind::Dimensionless,
         Kind::Length,
         Kind::Velocity,
@@ -198,6 +200,7 @@ impl Kind {
         Kind::ThrustFactor,
         Kind::DragFactor,
         Kind::PerAngle,
+        Kind::PerAngleSquared,
     ];
 
     fn display(self, system: System) -> Display {
@@ -255,6 +258,7 @@ impl Kind {
             (Kind::DragFactor, Us) => scaled("lbf s^2/ft/rad", POUND_FORCE / FOOT),
             (Kind::DragFactor, Si) => scaled("N s^2/m/rad", 1.0),
             (Kind::PerAngle, _) => scaled("1/rad", 1.0),
+            (Kind::PerAngleSquared, _) => scaled("1/rad^2", 1.0),
         }
     }
 
@@ -338,6 +342,7 @@ impl Kind {
             Kind::ThrustFactor => "a force per square of an angular rate",
             Kind::DragFactor => "a force per angular rate and velocity",
             Kind::PerAngle => "a slope per angle",
+            Kind::PerAngleSquared => "a coefficient per square of an angle",
         }
     }
 
@@ -376,6 +381,7 @@ impl Kind {
             Kind::ThrustFactor => &["N s^2/rad^2", "lbf s^2/rad^2"],
             Kind::DragFactor => &["N s^2/m/rad", "lbf s^2/ft/rad"],
             Kind::PerAngle => &["1/rad", "1/deg"],
+            Kind::PerAngleSquared => &["1/rad^2", "1/deg^2"],
         }
     }
 
@@ -418,6 +424,7 @@ impl Kind {
                 .times(Dimension::LENGTH, -1)
                 .times(Dimension::ANGLE, -1),
             Kind::PerAngle => none.times(Dimension::ANGLE, -1),
+            Kind::PerAngleSquared => none.times(Dimension::ANGLE, -2),
         }
     }
 }

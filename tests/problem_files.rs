@@ -113,6 +113,8 @@ fn overrides_change_what_they_name_and_nothing_else() {
         assert!((*ours + part * own - printed).abs() < hundredth, "{ours} {printed}");
         *ours = printed;
     }
+    assert_eq!(appendix.inflow.wash_edge, 0.0);
+    appendix.inflow.wash_edge = base.inflow.wash_edge;
     appendix.fuselages = base.fuselages.clone();
     assert_ne!(format!("{:?}", appendix.wings), format!("{:?}", base.wings));
     appendix.wings = base.wings.clone();

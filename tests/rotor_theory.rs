@@ -5,8 +5,8 @@ mod common;
 
 use coaxdesign::numerics::scalar::Vec3;
 use coaxdesign::problem::{
-    self, AtmosphereConditions, Formulation, Fuselage as FuselageProblem, FuselageAerodynamics,
-    HubKind, Spanwise, Station, TeeterEquation, Wash, WingModel,
+    self, AtmosphereConditions, DriveTrain, Formulation, Fuselage as FuselageProblem,
+    FuselageAerodynamics, HubKind, Spanwise, Station, TeeterEquation, Wash, WingModel,
 };
 use coaxdesign::vehicle::atmosphere::Air;
 use coaxdesign::vehicle::fuselage::Fuselage;
@@ -785,4 +785,39 @@ fn fuselage_table_reproduces_its_nodes() {
     }
     let (force, _) = body.loads(Vec3([0.0; 3]), Vec3([0.0; 3]), None);
     assert_eq!(force.0, [0.0; 3], "still air");
+}
+
+/// A rotor of the size of a UH-1's: two blades with 2,420 slug ft² about the
+/// teeter hinge at 324 rpm, at 4.7° of flapping, without air. At constant speed
+/// the mast carries I Ω² β² = 18,700 lb ft at twice a revolution and the hub a
+/// mean moment of I Ω² β³/4; behind a soft drive train neither.
+#[test]
+fn val_a_soft_drive_train_carries_no_coriolis_torque() {
+    let flap = 4.7_f64.to_radians();
+    let mut description = teetering(4, 0.0, 0.0);
+    description.airfoil = analytic(1e-9, 0.0);
+    description.speed = 324.0 * TAU / 60.0;
+    description.blade_second_moment = 0.5 * 2420.0 * 1.355_818;
+    let amplitude = |drive_train: DriveTrain| {
+        let rotor = built(&problem::Rotor { drive_train, ..description.clone() });
+        let input = RotorInput { flapping: [flap, 0.0], ..at_rest() };
+        let count = 72;
+        let mut torque = 0.0_f64;
+        let mut mean = [0.0; 3];
+        for k in 0..count {
+            let moment = loads(&rotor, &input, TAU * f64::from(k) / f64::from(count)).moment_hub.0;
+            torque = torque.max(moment[2].abs());
+            for (mean, now) in mean.iter_mut().zip(moment) {
+                *mean += now / f64::from(count);
+            }
+        }
+        (torque / 1.355_818, mean.map(|moment| moment / 1.355_818))
+    };
+    let (held, mean) = amplitude(DriveTrain::Held);
+    println!("held: {held:.0} lb ft, mean {mean:.1?}");
+    close(held, 18_700.0, 0.01, "torque at twice a revolution");
+    close(mean[0].hypot(mean[1]), 0.25 * held * flap, 0.02, "mean moment");
+    let (soft, mean) = amplitude(DriveTrain::Soft);
+    println!("soft: {soft:.3} lb ft, mean {mean:.3?}");
+    assert!(soft < 1.0 && mean.iter().all(|moment| moment.abs() < 1.0), "{soft} {mean:?}");
 }

@@ -41,6 +41,9 @@ pub struct Trim {
     /// Plot the trim curves to an SVG file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    /// Add a table of induced, profile and parasite power, C_T/σ and figures of merit
+    #[arg(long)]
+    losses: bool,
     /// Show every iteration on standard error
     #[arg(long)]
     trace: bool,
@@ -260,7 +263,7 @@ impl Trim {
         }
         let system = self.units.system();
         let text = match self.format.of(&self.output)? {
-            Format::Table => table(problem, &points, system),
+            Format::Table => table(problem, &points, system, self.losses),
             Format::Csv => csv(problem, &points, system),
             Format::Json => json_text(problem, &points, system)?,
         };
@@ -320,7 +323,7 @@ pub(super) fn on_off(on: bool) -> &'static str {
     if on { "on" } else { "off" }
 }
 
-fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
+fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System, losses: bool) -> String {
     let mut text = format!("{}: periodic trim\n", problem.name);
     for points in sweeps {
         let Some(first) = points.first() else { continue };
@@ -404,6 +407,10 @@ fn table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String
     if let Some(found) = published(problem, sweeps) {
         text.push('\n');
         text += &published_table(&found, system).to_text(Coloring::for_stdout());
+    }
+    if losses {
+        text.push('\n');
+        text += &losses_table(problem, sweeps, system).to_text(Coloring::for_stdout());
     }
     if let Some(found) = blades_table(problem, sweeps, system) {
         text.push('\n');
@@ -616,6 +623,10 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
         put("flow_state".into(), json!(mean.flow.word()));
         put("c_t".into(), clean(mean.thrust_coefficient));
         put("c_p".into(), clean(mean.power_coefficient));
+        put("c_t_over_sigma".into(), clean(mean.blade_loading));
+        put("figure_of_merit".into(), mean.figure_of_merit.map_or(Json::Null, clean));
+        put("profile_power_w".into(), clean(mean.profile_power));
+        put("induced_power_w".into(), clean(mean.induced_power));
         for (names, values) in [
             (["lambda_0", "lambda_1c", "lambda_1s"], mean.inflow),
             (["lambda_s0", "lambda_s1c", "lambda_s1s"], mean.self_inflow),
@@ -734,6 +745,53 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     Json::Object(object)
 }
 
+/// Names of the parts of the shaft power, in the order of [`parts`].
+const PARTS: [&str; 4] = ["induced", "profile", "parasite", "climb"];
+
+fn parts(point: &TrimPoint) -> [f64; 4] {
+    let power = &point.power;
+    [power.induced, power.profile, power.parasite, power.climb]
+}
+
+/// Where the power goes, and what the rotors reach: `--losses`.
+fn losses_table(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> Table {
+    let mut columns = vec![
+        Column::number("speed", Kind::Airspeed.symbol(system), Digits::Decimals(1)),
+        Column::text("interactions"),
+        Column::number("power", Kind::Power.symbol(system), Digits::Decimals(2)),
+    ];
+    columns.extend(PARTS.iter().map(|part| Column::number(part, "%", Digits::Decimals(1))));
+    for rotor in &problem.rotors {
+        let name = &rotor.name;
+        columns.push(Column::number(&format!("C_T/σ {name}"), "", Digits::Decimals(4)));
+        columns.push(Column::number(&format!("FM {name}"), "", Digits::Decimals(4)));
+    }
+    let mut table = Table::new("losses: shares of the shaft power", columns);
+    for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
+        let mut cells = vec![
+            Cell::from(Kind::Airspeed.from_si(point.condition.horizontal_speed(), system)),
+            Cell::from(on_off(point.interactions)),
+            Cell::from(Kind::Power.from_si(point.power.shaft, system)),
+        ];
+        // Of an autorotation there is nothing to take shares of.
+        let shaft = point.power.shaft;
+        let whole = shaft.abs() > 1e-6 * parts(point).iter().map(|part| part.abs()).sum::<f64>();
+        cells.extend(
+            parts(point).map(
+                |part| {
+                    if whole { Cell::from(100.0 * part / shaft) } else { Cell::empty() }
+                },
+            ),
+        );
+        for mean in &point.rotors {
+            cells.push(Cell::from(mean.blade_loading));
+            cells.push(mean.figure_of_merit.map_or_else(Cell::empty, Cell::from));
+        }
+        table.row(cells);
+    }
+    table
+}
+
 fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
     let us = system == System::Us;
     let angle = |value: f64| if us { value.to_degrees() } else { value };
@@ -764,11 +822,17 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             format!("theta_1c_{angle_unit}"),
             format!("theta_1s_{angle_unit}"),
             "flow_state".into(),
+            "c_t_over_sigma".into(),
+            "figure_of_merit".into(),
+            format!("profile_power_{power}"),
+            format!("induced_power_{power}"),
         ] {
             head.push(format!("{}.{column}", rotor.name));
         }
     }
-    head.extend([format!("total_power_{power}"), "residual_norm".into(), "iterations".into()]);
+    head.push(format!("total_power_{power}"));
+    head.extend(PARTS.iter().map(|part| format!("{part}_power_{power}")));
+    head.extend(["residual_norm".into(), "iterations".into()]);
     let mut text = head.join(",") + "\n";
     for point in sweeps.iter().flatten() {
         let [roll, pitch] = attitude(point);
@@ -791,8 +855,13 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             ]);
             row.extend(mean.flapping.iter().chain(&mean.pitch).map(|&v| number(angle(v))));
             row.push(mean.flow.word().into());
+            row.push(number(mean.blade_loading));
+            row.push(mean.figure_of_merit.map_or_else(String::new, number));
+            row.push(number(watt(mean.profile_power)));
+            row.push(number(watt(mean.induced_power)));
         }
         row.push(number(watt(point.power.shaft)));
+        row.extend(parts(point).map(|part| number(watt(part))));
         row.push(number(point.residual_norm));
         row.push(point.iterations.to_string());
         text += &(row.join(",") + "\n");

@@ -70,7 +70,7 @@ struct SetFile {
 /// Kinds that a unit in a file stands for, the first match taken. Kinds that
 /// differ in meaning but not in unit (airspeed and velocity) come back as the
 /// more general one.
-const READABLE: [Kind; 22] = [
+const READABLE: [Kind; 23] = [
     Kind::Dimensionless,
     Kind::Velocity,
     Kind::AngularRateRad,
@@ -93,6 +93,7 @@ const READABLE: [Kind; 22] = [
     Kind::Pressure,
     Kind::AnglePerPercent,
     Kind::PerAngle,
+    Kind::PerAngleSquared,
 ];
 
 /// Speed in knots, free of the last digit that a conversion leaves.

@@ -18,7 +18,8 @@ const TIP_MACH_WARNING: f64 = 0.95;
 const TRIANGLE_SLACK: f64 = 1e-9;
 
 /// Keys that belong to some kinds of hub only.
-const HUB_KEYS: [(&str, &[&str]); 9] = [
+const HUB_KEYS: [(&str, &[&str]); 10] = [
+    ("drive_train", &["teetering"]),
     ("undersling", &["teetering", "gimballed"]),
     ("teeter_spring", &["teetering"]),
     ("delta_3", &["teetering", "gimballed", "articulated", "hingeless"]),
@@ -89,17 +90,27 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         .collect();
     let controls =
         root.table("controls").and_then(|table| controls(host, table, &rotor_names, lenient));
+    let reference = match root.choice("reference")? {
+        "coax2d-paper" => Some(Reference::Coax2dPaper),
+        _ => None,
+    };
+    let mut rotors: Vec<Rotor> = rotors.into_iter().collect::<Option<_>>()?;
+    if reference == Some(Reference::Coax2dPaper) {
+        // The paper holds the speed.
+        for (rotor, (_, table)) in rotors.iter_mut().zip(rotor_tables) {
+            if !table.given("drive_train") {
+                rotor.drive_train = DriveTrain::Held;
+            }
+        }
+    }
     Some(Problem {
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
-        reference: match root.choice("reference")? {
-            "coax2d-paper" => Some(Reference::Coax2dPaper),
-            _ => None,
-        },
+        reference,
         mass: mass?,
         atmosphere: atmosphere?,
         fuselages: fuselages.into_iter().collect::<Option<_>>()?,
-        rotors: rotors.into_iter().collect::<Option<_>>()?,
+        rotors,
         wings: wings.into_iter().collect::<Option<_>>()?,
         inflow: inflow?,
         formulation: formulation?,
@@ -216,11 +227,52 @@ fn airfoil(host: &mut dyn Host, table: &CheckedTable) -> Option<Airfoil> {
         return read.map(Airfoil::Table);
     }
     analytic_warnings(host, table);
+    let polar = Polar {
+        linear: table.number("drag_linear")?,
+        quadratic: table.number("drag_quadratic")?,
+        stall: table.number("stall"),
+    };
+    let small_angles = table.flag("small_angles")?;
+    if small_angles && polar != Polar::default() {
+        host.finding(
+            Severity::Error,
+            table.place("small_angles"),
+            &table.key_path("small_angles"),
+            "the published blade loads have constant drag and no stall".into(),
+            "remove `small_angles`, or `drag_linear`, `drag_quadratic` and `stall`".into(),
+        );
+        return None;
+    }
+    if polar.quadratic > 0.0 {
+        let drag = table.number("drag")?;
+        let least = drag - 0.25 * polar.linear * polar.linear / polar.quadratic;
+        if least < 0.0 {
+            host.finding(
+                Severity::Error,
+                table.place("drag_linear"),
+                &table.key_path("drag_linear"),
+                format!("the drag polar falls to {least:.5}"),
+                "no section has negative drag; check `drag`, `drag_linear` and `drag_quadratic`"
+                    .into(),
+            );
+            return None;
+        }
+    } else if polar.linear != 0.0 {
+        host.finding(
+            Severity::Error,
+            table.place("drag_linear"),
+            &table.key_path("drag_linear"),
+            "a drag that only falls or rises with the angle becomes negative".into(),
+            "give `drag_quadratic` too, such as \"0.4 1/rad^2\"".into(),
+        );
+        return None;
+    }
     Some(Airfoil::Analytic {
         lift_slope: table.number("lift_slope")?,
         zero_lift_angle: table.number("zero_lift_angle")?,
         drag: table.number("drag")?,
-        small_angles: table.flag("small_angles")?,
+        polar,
+        small_angles,
     })
 }
 
@@ -428,6 +480,7 @@ fn rotor(
         twist: table.spanwise("twist")?,
         root_cutout: table.number("root_cutout")?,
         tip_loss: table.number("tip_loss")?,
+        induced_power_factor: table.number("induced_power_factor")?,
         elements: table.count("elements")?,
         airfoil: section?,
         precone: table.number("precone")?,
@@ -441,6 +494,10 @@ fn rotor(
         governor,
         motor: motor(table),
         coefficients: None,
+        drive_train: match table.choice("drive_train") {
+            Some("held") => DriveTrain::Held,
+            _ => DriveTrain::Soft,
+        },
         azimuth: azimuth(table),
     })
 }
@@ -484,11 +541,13 @@ fn rotor_by_coefficients(
         twist: none,
         root_cutout: 0.0,
         tip_loss: 1.0,
+        induced_power_factor: 1.0,
         elements: 1,
         airfoil: Airfoil::Analytic {
             lift_slope: 0.0,
             zero_lift_angle: 0.0,
             drag: 0.0,
+            polar: Polar::default(),
             small_angles: false,
         },
         precone: 0.0,
@@ -501,6 +560,7 @@ fn rotor_by_coefficients(
         azimuth_offset: table.number("azimuth_offset")?,
         governor,
         motor: motor(table),
+        drive_train: DriveTrain::Held,
         coefficients: Some(RotorCoefficients {
             thrust: coefficients.number("thrust")?,
             torque: coefficients.number("torque")?,
@@ -718,6 +778,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
         },
         wash_core: table.number("wash_core")?,
         reach: table.number("reach")?,
+        wash_edge: table.number("wash_edge")?,
     })
 }
 

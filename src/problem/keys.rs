@@ -302,7 +302,7 @@ static FUSELAGE: Table = Table {
 };
 
 static AIRFOIL: Table = Table {
-    doc: "Section aerodynamics: a C81 table, or a straight lift line with constant drag.",
+    doc: "Section aerodynamics: a C81 table, or a straight lift line up to stall with a drag polar.",
     keys: &[
         optional(
             "table",
@@ -322,7 +322,31 @@ static AIRFOIL: Table = Table {
             "\"0 deg\"",
             "Angle of attack without lift.",
         ),
-        required("drag", Value::Number(from_to("0", "2")), "Drag coefficient δ."),
+        required(
+            "drag",
+            Value::Number(from_to("0", "2")),
+            "Drag coefficient δ_0 at zero lift: δ = δ_0 + δ_1 α + δ_2 α², α from zero lift. Bailey's \
+             polar of a good rough blade is 0.0087, -0.0216 1/rad and 0.400 1/rad^2.",
+        ),
+        default(
+            "drag_linear",
+            Value::Quantity(Kind::PerAngle, from_to("-1 1/rad", "1 1/rad")),
+            "\"0 1/rad\"",
+            "δ_1 of the drag polar.",
+        ),
+        default(
+            "drag_quadratic",
+            Value::Quantity(Kind::PerAngleSquared, from_to("0 1/rad^2", "10 1/rad^2")),
+            "\"0 1/rad^2\"",
+            "δ_2 of the drag polar.",
+        ),
+        optional(
+            "stall",
+            Value::Quantity(Kind::Angle, from_to("4 deg", "25 deg")),
+            "no stall: lift is linear to 23 deg",
+            "Angle from zero lift at which the section stalls, both ways. Around it lift and drag \
+             turn into those of a plate.",
+        ),
         default(
             "small_angles",
             Value::Bool,
@@ -331,7 +355,18 @@ static AIRFOIL: Table = Table {
              (the paper's Eqs. 35) instead of the exact ones. No effect on wings.",
         ),
     ],
-    alternatives: &[&["table"], &["lift_slope", "zero_lift_angle", "drag", "small_angles"]],
+    alternatives: &[
+        &["table"],
+        &[
+            "lift_slope",
+            "zero_lift_angle",
+            "drag",
+            "drag_linear",
+            "drag_quadratic",
+            "stall",
+            "small_angles",
+        ],
+    ],
 };
 
 static GOVERNOR: Table = Table {
@@ -444,7 +479,17 @@ static ROTOR: Table = Table {
             "tip_loss",
             Value::Number(above_to("0", "1")),
             "1.0",
-            "Tip-loss factor B: no lift beyond B R. 1 for none.",
+            "Tip-loss factor B: no lift beyond B R, and the momentum theory of a disk of that \
+             radius, so that induced power in hover grows by 1/B. 1 for none.",
+        ),
+        default(
+            "induced_power_factor",
+            Value::Number(from_to("1", "2")),
+            "1.0",
+            "Factor κ on the inflow that the rotor induces in itself, as its blades meet it. Uniform \
+             inflow needs the least power; the inflow of real rotors is uneven and swirls, \
+             which costs 10 to 20 % in hover: 1.1 for a well twisted rotor, 1.15 in the usual \
+             case, 1.2 without twist.",
         ),
         default("elements", Value::Count(3, 1000), "20", "Blade elements a blade, equal in width."),
         required("airfoil", Value::Table(&AIRFOIL), "Section aerodynamics."),
@@ -541,6 +586,19 @@ static ROTOR: Table = Table {
             "\"0 lbf ft/rad\"",
             "Teeter spring. Teetering hubs only.",
         ),
+        optional(
+            "drive_train",
+            Value::Choice(&[
+                (
+                    "soft",
+                    "soft at twice a revolution: the Coriolis moment of flapping blades goes into \
+                     their speed",
+                ),
+                ("held", "the shaft holds its speed and carries that moment"),
+            ]),
+            "soft; held in files with `reference = \"coax2d-paper\"`, whose equations hold the speed",
+            "Drive train of a teetering rotor that is resolved. Teetering hubs only.",
+        ),
         default(
             "delta_3",
             Value::Quantity(Kind::Angle, above_below("-80 deg", "80 deg")),
@@ -609,6 +667,7 @@ static ROTOR: Table = Table {
             "twist",
             "root_cutout",
             "tip_loss",
+            "induced_power_factor",
             "elements",
             "airfoil",
             "precone",
@@ -624,6 +683,7 @@ static ROTOR: Table = Table {
             "gimbal_damping",
             "undersling",
             "teeter_spring",
+            "drive_train",
             "delta_3",
             "swashplate_phase",
         ],
@@ -827,6 +887,15 @@ static INFLOW: Table = Table {
             "1000",
             "Rotors whose hubs are further apart than this, seen along the shaft of the one whose \
              wake it is, in radii of that rotor, do not act on one another.",
+        ),
+        default(
+            "wash_edge",
+            Value::Number(from_to("0", "1")),
+            "0.15",
+            "Half-width of the edge of the wake that washes bodies and wings, as a fraction of the \
+             radius of the rotor it comes from. The wash is averaged over it, and over the span of \
+             finite wings. The default is about the distance between turns of tip vortices, \
+             2πλ/N_b. 0 takes the wash at one point, with a sharp edge.",
         ),
     ],
     alternatives: &[],

@@ -273,18 +273,33 @@ impl Rotor {
 pub enum Airfoil {
     /// Lift and drag from a table of angle of attack and Mach number.
     Table(Arc<AirfoilTable>),
-    /// Linear lift, constant drag.
+    /// Linear lift up to stall, a drag polar.
     Analytic {
         /// Lift-curve slope a0, 1/rad.
         lift_slope: f64,
         /// Zero-lift angle of attack, rad.
         zero_lift_angle: f64,
-        /// Drag coefficient δ.
+        /// Drag coefficient δ_0 at zero lift.
         drag: f64,
+        /// What drag and lift have beyond.
+        polar: Polar,
         /// Whether blade loads are those of Eqs. 35: U = u_T and
         /// arctan(u_P/u_T) = u_P/u_T. Of no effect on wings.
         small_angles: bool,
     },
+}
+
+/// Drag over the angle α from zero lift, δ_0 + δ_1 α + δ_2 α², and stall. The
+/// default is constant drag without stall.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Polar {
+    /// δ_1, 1/rad.
+    pub linear: f64,
+    /// δ_2, 1/rad².
+    pub quadratic: f64,
+    /// Angle from zero lift at which the section stalls, rad; none for linear
+    /// lift up to where the section stands far across the flow.
+    pub stall: Option<f64>,
 }
 
 /// One coefficient of a C81 table on its own grid.
@@ -335,8 +350,12 @@ pub struct Rotor {
     pub twist: Spanwise,
     /// Radius where the lifting blade begins, fraction of R.
     pub root_cutout: f64,
-    /// Tip-loss factor B: no lift beyond B R. 1 for none.
+    /// Tip-loss factor B: no lift beyond B R, and the momentum of a disk of that
+    /// radius. 1 for none.
     pub tip_loss: f64,
+    /// Factor κ on the inflow that the rotor induces in itself, as the blades
+    /// meet it: induced power over that of a uniform disk. 1 for none.
+    pub induced_power_factor: f64,
     /// Blade elements a blade, equal in width.
     pub elements: usize,
     /// Section aerodynamics.
@@ -357,6 +376,8 @@ pub struct Rotor {
     pub speed: f64,
     /// Azimuth of blade 1 when the reference azimuth is zero, rad.
     pub azimuth_offset: f64,
+    /// What becomes of the torque ripple of teetering blades.
+    pub drive_train: DriveTrain,
     /// Rotor-speed governor; none holds the speed exactly.
     pub governor: Option<Governor>,
     /// Motor whose speed the sticks command; not beside a governor.
@@ -378,6 +399,18 @@ pub enum AzimuthModel {
     /// Its loads are their means over all azimuths at each instant, as if its
     /// blades were many: it has no period of its own.
     Averaged,
+}
+
+/// What a drive train makes of the Coriolis moment of teetering blades, which goes
+/// with twice the rotor speed: −2 I Ω β β' in the plane of the blades.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DriveTrain {
+    /// Softer than that: the blades turn a little faster as they flap, so that
+    /// their moment of momentum stays, and the shaft carries no ripple. The limit
+    /// of a hub that turns freely at twice a revolution.
+    Soft,
+    /// Infinitely stiff: the shaft holds its speed and carries the moment.
+    Held,
 }
 
 /// Equation of the teeter motion.
@@ -556,6 +589,10 @@ pub struct InflowOptions {
     /// Rotors whose shafts are further apart than this, in radii of the source, do
     /// not act on one another.
     pub reach: f64,
+    /// Half-width of the wake's edge over which wash on bodies and wings is
+    /// averaged, with the span of finite wings; fraction of the source's radius.
+    /// Zero takes the wash at one point.
+    pub wash_edge: f64,
 }
 
 /// Formulas of a publication in place of exact ones, for reproducing published

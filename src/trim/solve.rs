@@ -11,7 +11,10 @@ use crate::vehicle::Vehicle;
 use crate::vehicle::census::Census;
 use crate::vehicle::inflow::FlowState;
 use nalgebra::{DMatrix, DVector};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, SQRT_2};
+
+/// Speed of a hub over the tip speed up to which a rotor has a figure of merit.
+const STILL: f64 = 0.01;
 
 /// How to trim.
 #[derive(Debug, Clone, PartialEq)]
@@ -247,6 +250,10 @@ pub struct RotorMean {
     pub profile_power: f64,
     /// Induced power, W.
     pub induced_power: f64,
+    /// Figure of merit T v_h/P with v_h = √(T/(2ρA)); none with an edgewise or
+    /// axial speed of more than a hundredth of the tip speed, or without thrust
+    /// and power.
+    pub figure_of_merit: Option<f64>,
     /// Blade loading C_T/σ; zero for a rotor without blades.
     pub blade_loading: f64,
     /// What the sections of its blades meet over the orbit.
@@ -908,9 +915,15 @@ fn report(
         let [forward, sideways, down] = mean.advance;
         let uniform = match vehicle.inflow.mass_flow {
             MassFlow::SelfInduced => mean.self_inflow[0],
-            MassFlow::Total => mean.inflow[0],
+            MassFlow::Total => {
+                mean.inflow[0] - (rotor.induced_power_factor - 1.0) * mean.self_inflow[0]
+            }
         };
         mean.flow = FlowState::of(forward.hypot(sideways), down, uniform);
+        let still = mean.advance.iter().all(|ratio| ratio.abs() < STILL);
+        let c_t = mean.thrust_coefficient;
+        mean.figure_of_merit = (still && c_t > 0.0 && mean.power_coefficient > 0.0)
+            .then(|| c_t.powf(1.5) / (SQRT_2 * mean.power_coefficient));
         let solidity = rotor.solidity();
         if solidity > 0.0 {
             mean.blade_loading = mean.thrust_coefficient / solidity;

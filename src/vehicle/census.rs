@@ -118,7 +118,7 @@ impl Census {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::Airfoil;
+    use crate::problem::{Airfoil, Polar};
     use std::f64::consts::TAU;
 
     fn plain() -> Section {
@@ -126,6 +126,7 @@ mod tests {
             lift_slope: 5.7,
             zero_lift_angle: 0.0,
             drag: 0.01,
+            polar: Polar::default(),
             small_angles: false,
         })
         .unwrap()

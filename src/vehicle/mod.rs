@@ -37,7 +37,7 @@ use blades::{Blade, BladeAtSpeed, BladeGoverned, MOST_EVALUATED};
 use frames::{Matrix3, position_body};
 use fuselage::Fuselage;
 use inflow::{APPARENT_MASS_HARMONIC, APPARENT_MASS_UNIFORM, Wake, WakeOf};
-use interference::{DiskGeometry, Interference, PointWash, SeenPoint};
+use interference::{DiskGeometry, Interference, PointWash, SeenPoint, WashWidth};
 pub use layout::{Layout, RotorStates};
 use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
@@ -333,25 +333,27 @@ impl Vehicle {
         use crate::problem::Wash;
         let bodies = self.fuselages.iter().filter(|body| body.wash != Wash::None);
         let wings = self.wings.iter().filter(|wing| wing.wash != Wash::None);
-        let places: Vec<([f64; 3], &str)> = bodies
-            .map(|body| (body.position_body, body.name.as_str()))
+        let places: Vec<([[f64; 3]; 2], &str)> = bodies
+            .map(|body| ([body.position_body, [0.0; 3]], body.name.as_str()))
             .chain(wings.flat_map(|wing| wing.wash_points().map(|at| (at, wing.name.as_str()))))
             .collect();
         let seen: Vec<SeenPoint> = places
             .iter()
-            .flat_map(|(point, _)| {
+            .flat_map(|([point, half], _)| {
                 self.rotors.iter().map(|source| SeenPoint {
                     source_radius: source.radius,
                     point: unmirrored(source, point).into(),
+                    half_span: unmirrored_vector(source, half).into(),
                     source_mirrored: source.frame.handedness < 0.0,
                 })
             })
             .collect();
         let count = self.rotors.len();
+        let width = WashWidth { core: self.inflow.wash_core, edge: self.inflow.wash_edge };
         let tables = if seen.is_empty() {
             Vec::new()
         } else {
-            PointWash::of_all(&seen, self.inflow.wash_core).map_err(|(index, error)| {
+            PointWash::of_all(&seen, width).map_err(|(index, error)| {
                 VehicleError::Interference {
                     source_rotor: self.rotors[index % count].name.clone(),
                     receiver: places[index / count].1.to_owned(),
@@ -543,11 +545,16 @@ impl Vehicle {
                 work.loads[index];
             let c_m = work.loads[index].pitch_coefficient;
 
-            let drive = [c_t, -c_m, -c_l];
+            // Momentum theory is that of a disk of radius B R.
+            let tip = rotor.tip_loss;
+            let within = 1.0 / tip.powi(4);
+            let drive = [c_t * within, c_m * (-within / tip), c_l * (-within / tip)];
             let Some(own) = places.self_inflow else { continue };
             for (k, &load) in drive.iter().enumerate() {
                 let mass = if k == 0 { APPARENT_MASS_UNIFORM } else { APPARENT_MASS_HARMONIC };
-                rates[own + k] = (load - work.wake[index].balance[k]) * (rotor.speed / mass);
+                let own_scale = if k == 0 { tip } else { 1.0 };
+                rates[own + k] =
+                    (load - work.wake[index].balance[k]) * (rotor.speed / mass * own_scale);
             }
             if let (Some(start), TotalInflow::LowPass { bandwidth }) =
                 (places.total_inflow, self.inflow.total_inflow)
@@ -798,27 +805,33 @@ impl Vehicle {
         for _ in 0..rounds {
             for (index, rotor) in self.rotors.iter().enumerate() {
                 let Some(own) = self.layout.rotors[index].self_inflow else { continue };
-                let scale = 1.0 / rotor.tip_speed();
+                // Ratios to the speed at B R, where the lift ends.
+                let inverse = 1.0 / rotor.tip_loss;
+                let scale = inverse / rotor.tip_speed();
                 let [vx, vy, vz] = work.hub[index][0].0;
+                // What κ adds for the blades carries no momentum.
+                let excess = rotor.induced_power_factor - 1.0;
+                let total = work.inflow[index][0] - state[own] * excess;
                 let [b0, b1c, b1s, g0, g1c, g1s, xc, xs] = S::compose(
                     &WakeOf { mass_flow: self.inflow.mass_flow },
                     &[
                         vx * scale,
                         vy * -scale,
                         vz * scale,
-                        state[own],
+                        state[own] * inverse,
                         state[own + 1],
                         state[own + 2],
-                        work.inflow[index][0],
+                        total * inverse,
                     ],
                 );
-                work.wake[index] =
-                    Wake { balance: [b0, b1c, b1s], circulation: [g0, g1c, g1s], skew: [xc, xs] };
+                let circulation = [g0, g1c, g1s].map(|g| g * rotor.tip_loss);
+                work.wake[index] = Wake { balance: [b0, b1c, b1s], circulation, skew: [xc, xs] };
             }
             let mut change = 0.0_f64;
             for (index, places) in self.layout.rotors.iter().enumerate() {
                 let Some(own) = places.self_inflow else { continue };
-                let mut total = [state[own], state[own + 1], state[own + 2]];
+                let factor = self.rotors[index].induced_power_factor;
+                let mut total = [own, own + 1, own + 2].map(|place| state[place] * factor);
                 for (source, table) in self.interference[index].iter().enumerate() {
                     if let Some(table) = table {
                         let ratio =
@@ -1170,8 +1183,12 @@ fn induced<S: Scalar>(table: &Interference, wake: &Wake<S>, ratio: f64) -> [S; 3
 /// A point, from the centre of gravity, seen from a rotor's hub in its
 /// unmirrored hub frame.
 fn unmirrored(rotor: &Rotor, point_body: &[f64; 3]) -> [f64; 3] {
-    let offset = [0, 1, 2].map(|k| point_body[k] - rotor.position_body[k]);
-    let mut seen = Vec3(offset).rotated(&rotor.frame.polar).0;
+    unmirrored_vector(rotor, &[0, 1, 2].map(|k| point_body[k] - rotor.position_body[k]))
+}
+
+/// A vector of the body frame in those axes.
+fn unmirrored_vector(rotor: &Rotor, body: &[f64; 3]) -> [f64; 3] {
+    let mut seen = Vec3(*body).rotated(&rotor.frame.polar).0;
     seen[1] *= rotor.frame.handedness;
     seen
 }

@@ -27,7 +27,9 @@
 //! place: `teeter_torque_tilt` and `teeter_equation`.
 
 use crate::numerics::scalar::{Dual, Local, Scalar, Vec3, arc_tangent, arc_tangents};
-use crate::problem::{self, Formulation, HubKind, RotorCoefficients, Spanwise, TeeterEquation};
+use crate::problem::{
+    self, DriveTrain, Formulation, HubKind, RotorCoefficients, Spanwise, TeeterEquation,
+};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -115,6 +117,10 @@ pub struct Rotor {
     pub commanded: bool,
     /// Thrust and torque by coefficients in place of blades.
     pub coefficients: Option<RotorCoefficients>,
+    /// Tip-loss factor B: momentum theory sees a disk of radius B R.
+    pub tip_loss: f64,
+    /// Factor κ on self-induced inflow as the blades meet it.
+    pub induced_power_factor: f64,
     /// Teetering, or rigid.
     pub teetering: bool,
     /// Azimuths, evenly over the turn, whose mean stands for the blades of a
@@ -123,6 +129,7 @@ pub struct Rotor {
     averaged: bool,
     teeter_torque_tilt: bool,
     teeter_equation: TeeterEquation,
+    drive_train: DriveTrain,
     undersling: f64,
     spring: f64,
     tan_delta_3: f64,
@@ -365,11 +372,14 @@ impl Rotor {
                 .or(rotor.motor.map(|motor| motor.time_constant)),
             commanded: rotor.motor.is_some(),
             coefficients: rotor.coefficients,
+            tip_loss: rotor.tip_loss,
+            induced_power_factor: rotor.induced_power_factor,
             teetering,
             evaluated: rotor.blades,
             averaged: false,
             teeter_torque_tilt: formulation.teeter_torque_tilt,
             teeter_equation: formulation.teeter_equation,
+            drive_train: rotor.drive_train,
             undersling,
             spring,
             tan_delta_3: delta_3.tan(),
@@ -390,6 +400,7 @@ impl Rotor {
                     zero_lift_angle,
                     drag,
                     small_angles: true,
+                    ..
                 } => Some(SmallAngles { lift_slope, zero_lift_angle, drag }),
                 _ => None,
             },
@@ -666,13 +677,22 @@ impl Rotor {
             omega * omega_x,
             beta_rate * omega_x - shaft.acceleration,
         ];
-        let alpha = [
+        let mut alpha = [
             tilt_c * alpha_f[0] - tilt_s * alpha_f[2],
             alpha_f[1],
             tilt_s * alpha_f[0] + tilt_c * alpha_f[2],
         ];
         let [jx, jy, jz] = self.inertia;
         let [wx, wy, wz] = rate.0;
+        if self.teetering && self.drive_train == DriveTrain::Soft {
+            // The blades' own flapping against the shaft makes the moment
+            // −(J_z + J_y − J_x) Ω β' sin β about k_T. A soft shaft lets it go
+            // into an acceleration of the blades instead; both have no mean.
+            let ripple = tilt_s * beta_rate * omega * (jz + jy - jx);
+            let gained = ripple * (1.0 / jz);
+            alpha[2] -= gained;
+            alpha[0] += tilt_s * gained / tilt_c;
+        }
         let (mx_f, my_f) =
             (s * moment.0[1] - c * moment.0[0], -(s * moment.0[0] + c * moment.0[1]));
         let moment_f = [mx_f, my_f, moment.0[2]];

@@ -33,6 +33,9 @@ const STALLED_NORMAL_FORCE: f64 = 1.1;
 struct Strip {
     /// Aerodynamic centre from the centre of gravity, body frame, m.
     position_body: [f64; 3],
+    /// From there to a tip of the part over which wash is averaged, body frame,
+    /// m: half of a finite wing, nothing of a strip.
+    half_span: [f64; 3],
     /// From the body frame to the section frame (x forward, z down).
     rotation: Matrix3,
     /// ½ρS, kg/m.
@@ -111,6 +114,11 @@ impl Wing {
                 area_total += area;
                 Strip {
                     position_body: [0, 1, 2].map(|i| center[i] + offset * span_axis[i]),
+                    half_span: if whole {
+                        span_axis.map(|axis| 0.5 * wing.span * axis)
+                    } else {
+                        [0.0; 3]
+                    },
                     rotation,
                     half_density_area: 0.5 * air.density * area,
                 }
@@ -167,9 +175,9 @@ impl Wing {
     }
 
     /// Places at which the rotors' wash is wanted, body frame from the centre
-    /// of gravity, m.
-    pub fn wash_points(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
-        self.strips.iter().map(|strip| strip.position_body)
+    /// of gravity, and half of the span over which it is averaged there, m.
+    pub fn wash_points(&self) -> impl Iterator<Item = [[f64; 3]; 2]> + '_ {
+        self.strips.iter().map(|strip| [strip.position_body, strip.half_span])
     }
 
     /// Force and moment about the centre of gravity, body frame, N and N m,

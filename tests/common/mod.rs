@@ -4,7 +4,7 @@
 #![allow(dead_code)]
 
 use coaxdesign::problem::{
-    Airfoil, FuselageTable, HubKind, Problem, Spanwise, WingModel, builtin_named,
+    Airfoil, FuselageTable, HubKind, Polar, Problem, Spanwise, WingModel, builtin_named,
 };
 use coaxdesign::trim::{FlightCondition, Options, TrimPoint, sweep};
 use coaxdesign::vehicle::{Layout, Vehicle};
@@ -131,12 +131,24 @@ pub fn constant(value: f64) -> Spanwise {
 
 /// Linear lift and constant drag.
 pub fn analytic(lift_slope: f64, drag: f64) -> Airfoil {
-    Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: false }
+    Airfoil::Analytic {
+        lift_slope,
+        zero_lift_angle: 0.0,
+        drag,
+        polar: Polar::default(),
+        small_angles: false,
+    }
 }
 
 /// Linear lift and constant drag by Eqs. 35.
 pub fn small_angles(lift_slope: f64, drag: f64) -> Airfoil {
-    Airfoil::Analytic { lift_slope, zero_lift_angle: 0.0, drag, small_angles: true }
+    Airfoil::Analytic {
+        lift_slope,
+        zero_lift_angle: 0.0,
+        drag,
+        polar: Polar::default(),
+        small_angles: true,
+    }
 }
 
 /// The problem's rotors with blades that flap each about a hinge of its own.

@@ -68,43 +68,76 @@ pub(super) fn cored_flow(
     core: f64,
     rim: &[(f64, f64)],
 ) -> [f64; 3] {
-    // Beyond edgewise the wake stays edgewise.
-    let t = skew[0].hypot(skew[1]).min(1.0);
-    let (sin_chi, cos_chi) = self::skew(t);
-    let direction = if t > 0.0 {
-        let length = skew[0].hypot(skew[1]);
-        skew.map(|v| v / length)
-    } else {
-        [1.0, 0.0]
-    };
-    let lean = direction.map(|v| v * sin_chi);
-    let [a, r, up] = point;
-    if up >= 0.0 {
-        return rim_average(point, lean, cos_chi, core * core, rim);
+    let leaning = Leaning::new(skew);
+    let near = leaning.rim_part(point, core, rim);
+    let sheet = leaning.sheet_part(point, core);
+    [0, 1, 2].map(|k| sheet[k] + near[k])
+}
+
+/// A wake that leans.
+pub(super) struct Leaning {
+    /// Downstream, aft and right.
+    direction: [f64; 2],
+    sin_chi: f64,
+    cos_chi: f64,
+}
+
+impl Leaning {
+    /// At the skew with components aft and right.
+    pub(super) fn new(skew: [f64; 2]) -> Self {
+        // Beyond edgewise the wake stays edgewise.
+        let t = skew[0].hypot(skew[1]).min(1.0);
+        let (sin_chi, cos_chi) = self::skew(t);
+        let direction = if t > 0.0 {
+            let length = skew[0].hypot(skew[1]);
+            skew.map(|v| v / length)
+        } else {
+            [1.0, 0.0]
+        };
+        Self { direction, sin_chi, cos_chi }
     }
-    // Below: the infinite cylinder less its upper half.
-    let upper = rim_average([a, r, -up], lean.map(|v| -v), cos_chi, core * core, rim);
-    let [x, y] = [a * direction[0] + r * direction[1], r * direction[0] - a * direction[1]];
-    let p = Complex64::new(cos_chi * x + up * sin_chi, y);
-    // Distance from the cylinder's axis in the plane of the point.
-    let from_axis = if cos_chi > 0.0 { (p.re / cos_chi).hypot(y) } else { f64::INFINITY };
-    let beyond = ((from_axis - 1.0) / core).clamp(0.0, 1.0);
-    let outside = beyond * beyond * (3.0 - 2.0 * beyond);
-    let mut sheet = [0.0; 3];
-    for (share, inside) in [(1.0 - outside, true), (outside, false)] {
-        if share > 0.0 {
-            let flow = sheet_flow(p, sin_chi, cos_chi, inside);
-            for (total, flow) in sheet.iter_mut().zip(flow) {
-                *total += share * flow;
+
+    /// What is smooth away from the rim: all of the flow above the disk, and
+    /// below it that of the upper half that the infinite cylinder has too many.
+    pub(super) fn rim_part(&self, point: [f64; 3], core: f64, rim: &[(f64, f64)]) -> [f64; 3] {
+        let lean = self.direction.map(|v| v * self.sin_chi);
+        let [a, r, up] = point;
+        if up >= 0.0 {
+            return rim_average(point, lean, self.cos_chi, core * core, rim);
+        }
+        let upper = lean.map(|v| -v);
+        rim_average([a, r, -up], upper, self.cos_chi, core * core, rim).map(|flow| -flow)
+    }
+
+    /// Flow of the infinite cylinder below the disk, whose sheet fades over
+    /// `edge` outward; none above.
+    pub(super) fn sheet_part(&self, [a, r, up]: [f64; 3], edge: f64) -> [f64; 3] {
+        let Self { direction, sin_chi, cos_chi } = *self;
+        if up >= 0.0 {
+            return [0.0; 3];
+        }
+        let [x, y] = [a * direction[0] + r * direction[1], r * direction[0] - a * direction[1]];
+        let p = Complex64::new(cos_chi * x + up * sin_chi, y);
+        // Distance from the cylinder's axis in the plane of the point.
+        let from_axis = if cos_chi > 0.0 { (p.re / cos_chi).hypot(y) } else { f64::INFINITY };
+        let beyond = ((from_axis - 1.0) / edge).clamp(0.0, 1.0);
+        let outside = beyond * beyond * (3.0 - 2.0 * beyond);
+        let mut sheet = [0.0; 3];
+        for (share, inside) in [(1.0 - outside, true), (outside, false)] {
+            if share > 0.0 {
+                let flow = sheet_flow(p, sin_chi, cos_chi, inside);
+                for (total, flow) in sheet.iter_mut().zip(flow) {
+                    *total += share * flow;
+                }
             }
         }
+        // Harmonics of wind azimuth to those of the source's own azimuth.
+        [
+            sheet[0],
+            sheet[1] * direction[0] - sheet[2] * direction[1],
+            sheet[1] * direction[1] + sheet[2] * direction[0],
+        ]
     }
-    // Harmonics of wind azimuth to those of the source's own azimuth.
-    [
-        sheet[0] - upper[0],
-        sheet[1] * direction[0] - sheet[2] * direction[1] - upper[1],
-        sheet[1] * direction[1] + sheet[2] * direction[0] - upper[2],
-    ]
 }
 
 /// Rim azimuths enough for a core of this radius: they leave about 1e-5.

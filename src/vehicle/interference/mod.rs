@@ -87,7 +87,7 @@ mod kernel;
 mod tests;
 mod wash;
 
-pub use wash::{PointWash, SeenPoint};
+pub use wash::{PointWash, SeenPoint, WashWidth};
 
 use canonical::{Canonical, Placing};
 use coaxial::{CoaxialMap, LEAST_SEPARATION};

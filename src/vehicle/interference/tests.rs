@@ -392,7 +392,7 @@ fn opposite_rotation_changes_the_sign_of_the_sine_row() {
 }
 
 fn seen(source_radius: f64, point: Vector3<f64>) -> SeenPoint {
-    SeenPoint { source_radius, point, source_mirrored: false }
+    SeenPoint { source_radius, point, half_span: Vector3::zeros(), source_mirrored: false }
 }
 
 /// Quadrature over a receiver where it lies, from a source of radius 1 that
@@ -479,7 +479,8 @@ fn the_wash_averages_to_the_first_row_of_g() {
     for (r, dr) in gauss_legendre(0.0, 1.0, 4) {
         for (cos, sin) in periodic_nodes(12) {
             let arm = geometry.receiver_axes * Vector3::new(-cos, sin, 0.0) * (0.9 * r);
-            let wash = PointWash::new(&seen(1.0, geometry.offset + arm), GENERAL_CORE).unwrap();
+            let sharp = WashWidth { core: GENERAL_CORE, edge: 0.0 };
+            let wash = PointWash::new(&seen(1.0, geometry.offset + arm), sharp).unwrap();
             let w = wash.evaluate(x);
             for c in 0..3 {
                 average[c] += cosine * w[c] * 2.0 * r * dr / 12.0;
@@ -496,7 +497,7 @@ fn the_wash_averages_to_the_first_row_of_g() {
 fn wash_below_a_hovering_rotor_doubles_downstream() {
     let wash = |down: f64| {
         let point = Vector3::new(-0.2, 0.3, down) * 3.0;
-        PointWash::new(&seen(3.0, point), 0.05).unwrap()
+        PointWash::new(&seen(3.0, point), WashWidth { core: 0.05, edge: 0.15 }).unwrap()
     };
     // Twice w is the flow over that of the disk.
     assert!((2.0 * wash(6.0).evaluate([0.0, 0.0])[0] - 2.0).abs() < 0.02);
@@ -510,6 +511,36 @@ fn wash_below_a_hovering_rotor_doubles_downstream() {
         let dy = near.evaluate([-0.31, 0.12 + h])[c] - near.evaluate([-0.31, 0.12 - h])[c];
         assert!((by_x[c] - dx / (2.0 * h)).abs() < 1e-7);
         assert!((by_y[c] - dy / (2.0 * h)).abs() < 1e-7);
+    }
+}
+
+/// A tail behind the edge of a wake: as the wake leans past it, the wash goes
+/// from nothing to all over a width of the edge and the span, not in a step, and
+/// ends where the sharp one does.
+#[test]
+fn the_edge_of_a_wake_has_a_width() {
+    let surface = SeenPoint {
+        source_radius: 5.0,
+        point: Vector3::new(-5.6, 0.0, 1.2),
+        half_span: Vector3::new(0.0, 0.9, 0.0),
+        source_mirrored: false,
+    };
+    let table = |edge: f64| PointWash::new(&surface, WashWidth { core: 0.05, edge }).unwrap();
+    let (sharp, wide) = (table(0.0), table(0.15));
+    let steepest = |table: &PointWash| {
+        let at = |k: i32| table.evaluate([-0.005 * f64::from(k), 0.0])[0];
+        (1..160).map(|k| (at(k + 1) - at(k)).abs() / 0.005).fold(0.0, f64::max)
+    };
+    let bend = |table: &PointWash| {
+        let at = |k: i32| table.evaluate([-0.02 * f64::from(k), 0.0])[0];
+        (1..40).map(|k| (at(k + 1) - 2.0 * at(k) + at(k - 1)).abs()).fold(0.0, f64::max)
+    };
+    println!("{} {} {} {}", steepest(&sharp), steepest(&wide), bend(&sharp), bend(&wide));
+    assert!(steepest(&wide) < 0.6 * steepest(&sharp));
+    assert!(bend(&wide) < 0.5 * bend(&sharp), "{} {}", bend(&wide), bend(&sharp));
+    for x in [0.5, -0.6] {
+        let (a, b) = (sharp.evaluate([x, 0.0]), wide.evaluate([x, 0.0]));
+        assert!((a[0] - b[0]).abs() < 0.03, "{x}: {a:?} {b:?}");
     }
 }
 
@@ -529,7 +560,8 @@ fn bad_geometry_is_refused_in_words() {
         refuse(DiskGeometry { receiver_axes: Matrix3::identity() * 2.0, ..coaxial(0.5) }),
         "the attitude of the receiver is not finite or not a rotation"
     );
-    let error = PointWash::new(&seen(1.0, Vector3::zeros()), 0.0).unwrap_err();
+    let error = PointWash::new(&seen(1.0, Vector3::zeros()), WashWidth { core: 0.0, edge: 0.15 })
+        .unwrap_err();
     assert_eq!(error, GeometryError::Core { value: 0.0 });
 }
 

@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 use super::GeometryError;
-use super::kernel::{cored_flow, cored_rim, own_axes, skew_axis};
+use super::kernel::{Leaning, cored_flow, cored_rim, own_axes, skew_axis};
 use crate::numerics::interpolation::{Bicubic, Ends};
+use crate::numerics::quadrature::gauss_legendre;
 
 /// Flow that a rotor's wake induces at a point, along the rotor's shaft,
 /// tabulated over the skew: for wings and bodies.
@@ -24,20 +25,66 @@ pub struct SeenPoint {
     /// The point from the source's hub in the source's hub axes (x forward, y
     /// right, z down), m.
     pub point: Vector3<f64>,
+    /// Half of the span over which the wash is averaged, from the point to a tip,
+    /// same axes, m; zero for a point.
+    pub half_span: Vector3<f64>,
     /// Whether the source turns clockwise seen from above.
     pub source_mirrored: bool,
 }
 
+/// How a wake rounds off: lengths in source radii.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WashWidth {
+    /// Core radius of the rim: ρ² grows by its square.
+    pub core: f64,
+    /// Half-width of the wake's edge, over which the wash is averaged in the
+    /// plane of the source's disk, together with the span; zero for the wash at
+    /// the point itself.
+    pub edge: f64,
+}
+
+/// A place of [`SeenPoint`] and its half-span in the source's own axes, in
+/// source radii.
+type Place = [[f64; 3]; 2];
+
+/// Points along a span at which the wash is averaged.
+const SPAN_POINTS: usize = 4;
+
+/// Offsets (aft, right) over the edge's width and their weights: a hexagon of
+/// 19 points that a bell weighs.
+fn spread(edge: f64) -> Vec<([f64; 2], f64)> {
+    let step = 0.5 * edge;
+    let mut points = Vec::new();
+    let mut total = 0.0;
+    for row in -2_i32..=2 {
+        for column in -2_i32..=2 {
+            if (row + column).abs() > 2 {
+                continue;
+            }
+            let (x, y) =
+                (f64::from(column) + 0.5 * f64::from(row), f64::from(row) * 0.75_f64.sqrt());
+            let weight = 1.0 - (x * x + y * y) / 9.0;
+            total += weight;
+            points.push(([x * step, y * step], weight));
+        }
+    }
+    for (_, weight) in &mut points {
+        *weight /= total;
+    }
+    points
+}
+
 impl SeenPoint {
     /// Aft, right and up in the source's own axes, in source radii.
-    fn place(&self) -> Result<[f64; 3], GeometryError> {
+    fn place(&self) -> Result<Place, GeometryError> {
         if !(self.source_radius > 0.0 && self.source_radius.is_finite()) {
             return Err(GeometryError::Radius { which: "source", value: self.source_radius });
         }
-        if !self.point.iter().all(|v| v.is_finite()) {
+        if !self.point.iter().chain(&self.half_span).all(|v| v.is_finite()) {
             return Err(GeometryError::Placement { what: "position" });
         }
-        Ok(own_axes(&self.point, self.source_radius, self.source_mirrored))
+        Ok([&self.point, &self.half_span]
+            .map(|vector| own_axes(vector, self.source_radius, self.source_mirrored)))
     }
 }
 
@@ -45,13 +92,12 @@ impl PointWash {
     /// Cells along each component of the skew.
     const CELLS: usize = 32;
 
-    /// Tabulates the wash at a point. `core` is the core radius of the wake in
-    /// source radii: ρ² grows by its square.
+    /// Tabulates the wash at a point.
     ///
     /// # Errors
     /// When radius, point or core make no sense: see [`GeometryError`].
-    pub fn new(seen: &SeenPoint, core: f64) -> Result<Self, GeometryError> {
-        Self::of_all(std::slice::from_ref(seen), core)
+    pub fn new(seen: &SeenPoint, width: WashWidth) -> Result<Self, GeometryError> {
+        Self::of_all(std::slice::from_ref(seen), width)
             .map(|mut all| all.remove(0))
             .map_err(|(_, error)| error)
     }
@@ -61,11 +107,15 @@ impl PointWash {
     ///
     /// # Errors
     /// The place of the first point that cannot be treated, and why.
-    pub fn of_all(points: &[SeenPoint], core: f64) -> Result<Vec<Self>, (usize, GeometryError)> {
+    pub fn of_all(
+        points: &[SeenPoint],
+        width: WashWidth,
+    ) -> Result<Vec<Self>, (usize, GeometryError)> {
+        let core = width.core;
         if !(0.01..=1.0).contains(&core) {
             return Err((0, GeometryError::Core { value: core }));
         }
-        let mut distinct: Vec<[f64; 3]> = Vec::new();
+        let mut distinct: Vec<Place> = Vec::new();
         let mut shared = Vec::with_capacity(points.len());
         for (index, seen) in points.iter().enumerate() {
             let place = seen.place().map_err(|error| (index, error))?;
@@ -74,19 +124,50 @@ impl PointWash {
                 distinct.len() - 1
             }));
         }
-        let built: Vec<_> = distinct.par_iter().map(|&place| Self::at(place, core)).collect();
+        let built: Vec<_> = distinct.par_iter().map(|&place| Self::at(place, width)).collect();
         let tables =
             built.into_iter().collect::<Result<Vec<_>, _>>().map_err(|error| (0, error))?;
         Ok(shared.into_iter().map(|table| tables[table].clone()).collect())
     }
 
-    fn at(place: [f64; 3], core: f64) -> Result<Self, GeometryError> {
+    fn at([middle, half]: Place, width: WashWidth) -> Result<Self, GeometryError> {
+        let WashWidth { core, edge } = width;
         let rim = cored_rim(core);
+        let spread = spread(edge);
+        let stations: Vec<([f64; 3], f64)> = if half == [0.0; 3] {
+            vec![(middle, 1.0)]
+        } else {
+            gauss_legendre(-1.0, 1.0, SPAN_POINTS)
+                .into_iter()
+                .map(|(t, dt)| ([0, 1, 2].map(|k| middle[k] + t * half[k]), 0.5 * dt))
+                .collect()
+        };
+        let flow = |skew: [f64; 2]| {
+            if edge == 0.0 {
+                return cored_flow(middle, skew, core, &rim);
+            }
+            let leaning = Leaning::new(skew);
+            let mut total = [0.0; 3];
+            let mut add = |flow: [f64; 3], weight: f64| {
+                for (total, flow) in total.iter_mut().zip(flow) {
+                    *total += weight * flow;
+                }
+            };
+            for &(point, share) in &stations {
+                add(leaning.rim_part(point, core, &rim), share);
+                for &([aft, right], weight) in &spread {
+                    let near = [point[0] + aft, point[1] + right, point[2]];
+                    // Fades that meet leave no steps between the points.
+                    add(leaning.sheet_part(near, core.max(0.5 * edge)), share * weight);
+                }
+            }
+            total
+        };
         let axis = skew_axis(Self::CELLS);
         let mut values = [const { Vec::new() }; 3];
         for &x in &axis {
             for &y in &axis {
-                let w = cored_flow(place, [-x, y], core, &rim);
+                let w = flow([-x, y]);
                 for (table, w) in values.iter_mut().zip(w) {
                     table.push(w);
                 }
@@ -94,7 +175,14 @@ impl PointWash {
         }
         let [a, b, c] = &values;
         let ends = [Ends::Parabolic; 2];
-        Ok(Self(Arc::new(Bicubic::new(&axis, &axis, [a, b, c], ends)?)))
+        // What has a width bears splines, whose derivatives have no kinks; a sharp
+        // edge would make them ring.
+        let table = if edge > 0.0 {
+            Bicubic::spline(&axis, &axis, [a, b, c], ends)?
+        } else {
+            Bicubic::new(&axis, &axis, [a, b, c], ends)?
+        };
+        Ok(Self(Arc::new(table)))
     }
 
     /// Inflow ratio at the point, positive down the source's shaft, for each
