@@ -166,7 +166,7 @@ fn the_stand_agrees_with_the_trimmed_aircraft() {
 /// and a lift slope of 2π/√(1 − M²) at three quarters of the radius less the
 /// tenth that sections lack. Uniform inflow without a factor on induced power
 /// needs 10 to 20 % less collective than was measured: a misfit, and its bound.
-/// A factor of 1.15 on induced power takes off a third of it.
+/// A factor of 1.15 on induced power takes more than half of it away.
 #[test]
 fn val_collective_of_caradonna_and_tung() {
     for (c_t, degrees) in [(0.00213, 5.0), (0.00459, 8.0), (0.00796, 12.0)] {
@@ -180,8 +180,8 @@ fn val_collective_of_caradonna_and_tung() {
         let stand = Stand::new(&p, 0).unwrap();
         let uneven = trimmed(&stand, Load::ThrustCoefficient(c_t), STILL).pitch[0].to_degrees();
         println!("C_T {c_t}: {found:.2} deg, with a factor {uneven:.2}, for {degrees}");
-        assert!((0.84..1.02).contains(&(uneven / degrees)), "C_T {c_t}: {uneven} for {degrees}");
-        assert!(uneven > found + 0.1);
+        assert!((0.9..1.0).contains(&(uneven / degrees)), "C_T {c_t}: {uneven} for {degrees}");
+        assert!(degrees - uneven < 0.55 * (degrees - found), "{uneven} {found}");
         assert!((0.78..1.0).contains(&(found / degrees)), "C_T {c_t}: {found} for {degrees}");
     }
 }
