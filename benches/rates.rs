@@ -16,6 +16,7 @@ use std::hint::black_box;
 fn built(name: &str, interactions: bool) -> Vehicle {
     let mut problem = builtin_named(name).expect("a built-in problem").problem;
     problem.inflow.interactions &= interactions;
+    problem.inflow.reach = 1000.0;
     Vehicle::new(&problem).expect("a built-in vehicle")
 }
 

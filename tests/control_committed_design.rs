@@ -1,12 +1,12 @@
-//! The kept designs are what the code makes of the built-in problem and the
-//! specifications beside it.
+//! The kept designs are what the code makes of the built-in problems and the
+//! specifications beside them.
 
 use coaxdesign::control::axis::Channel;
 use coaxdesign::control::models::build;
 use coaxdesign::control::plant::{Inversion, ModelSet};
 use coaxdesign::control::spec;
 use coaxdesign::control::verify::{Row, Verification, verify};
-use coaxdesign::problem::builtin_named;
+use coaxdesign::problem::{Loaded, builtin_named};
 use coaxdesign::schedule::{Schedule, hash};
 use coaxdesign::units::KNOT;
 
@@ -19,17 +19,46 @@ fn read(path: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// A kept design of the built-in problem.
+/// A kept design of a built-in problem.
 struct Kept {
+    /// Its aircraft.
+    aircraft: &'static str,
     /// Its directory.
     design: &'static str,
     /// The specification that it is tuned to.
     specification: &'static str,
+    /// Two breakpoints and a speed between others at which its models are computed
+    /// anew, m/s.
+    looked_at: [f64; 3],
 }
 
-const KEPT: [Kept; 2] = [
-    Kept { design: "designs/coax2d", specification: "problems/hq.toml" },
-    Kept { design: "designs/coax2d-level1", specification: "problems/hq-level1.toml" },
+const COAX2D: [f64; 3] = [20.0 * KNOT, 25.0 * KNOT, 90.0 * KNOT];
+
+const KEPT: [Kept; 4] = [
+    Kept {
+        aircraft: "coax2d",
+        design: "designs/coax2d",
+        specification: "problems/hq.toml",
+        looked_at: COAX2D,
+    },
+    Kept {
+        aircraft: "coax2d",
+        design: "designs/coax2d-level1",
+        specification: "problems/hq-level1.toml",
+        looked_at: COAX2D,
+    },
+    Kept {
+        aircraft: "uh60a",
+        design: "designs/uh60a",
+        specification: "problems/hq-uh60a.toml",
+        looked_at: [0.0, 45.0 * KNOT, 100.0 * KNOT],
+    },
+    Kept {
+        aircraft: "firefly",
+        design: "designs/firefly",
+        specification: "problems/hq-multicopter.toml",
+        looked_at: [0.0, 3.75, 10.0],
+    },
 ];
 
 impl Kept {
@@ -48,9 +77,13 @@ impl Kept {
 
     fn command(&self) -> String {
         format!(
-            "regenerate with `coaxdesign tune-gains coax2d --spec {} -o {} --force`",
-            self.specification, self.design
+            "regenerate with `coaxdesign tune-gains {} --spec {} -o {} --force`",
+            self.aircraft, self.specification, self.design
         )
+    }
+
+    fn problem(&self) -> Loaded {
+        builtin_named(self.aircraft).unwrap_or_else(|r| panic!("{r}"))
     }
 }
 
@@ -58,9 +91,9 @@ impl Kept {
 /// stale, whatever its numbers are.
 #[test]
 fn the_designs_are_of_these_inputs() {
-    let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}"));
-    let texts = hash(problem.sources.files().iter().map(|f| f.text.as_str()));
     for kept in KEPT {
+        let problem = kept.problem();
+        let texts = hash(problem.sources.files().iter().map(|f| f.text.as_str()));
         let (p, command) = (kept.schedule().provenance, kept.command());
         assert_eq!(p.problem_hash, texts, "the problem has changed; {command}");
         let targets = hash([kept.specification().as_str()]);
@@ -104,21 +137,16 @@ fn numbers(r: &Row) -> [Option<f64>; 9] {
     ]
 }
 
-/// Freshly computed models at two breakpoints and between, from trims that go
-/// through the same speeds as those of the designs: the same inversion and the
-/// same verification as in the files.
+/// Freshly computed models at two breakpoints and between: the same inversion and
+/// the same verification as in the files.
 #[test]
 fn the_designs_are_what_the_code_makes() {
-    let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}")).problem;
-    let nominal = &spec::builtin().unwrap_or_else(|r| panic!("{r}")).models[..1];
-    let speeds: Vec<f64> = (0..=18).map(|k| 5.0 * f64::from(k) * KNOT).collect();
-    let mut built = build(&problem, nominal, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
-    assert!(built.left_out.is_empty());
-    let looked_at = [20.0, 25.0, 90.0].map(|kt| kt * KNOT);
-    let near = |speed: f64| looked_at.iter().any(|at| (at - speed).abs() < 1e-6);
-    built.set.plants.retain(|plants| near(plants[0].speed));
-    assert_eq!(built.set.plants.len(), looked_at.len());
     for kept in KEPT {
+        let spec = spec::parse(kept.specification, &kept.specification()).unwrap();
+        let built = build(&kept.problem().problem, &spec.models[..1], &kept.looked_at, &|| ())
+            .unwrap_or_else(|e| panic!("{}: {e}", kept.design));
+        assert!(built.left_out.is_empty());
+        assert_eq!(built.set.plants.len(), kept.looked_at.len());
         holds(&kept, &built.set);
     }
 }
@@ -180,8 +208,8 @@ fn the_designs_hold_their_inputs() {
     use coaxdesign::pipeline::Requirements;
     use coaxdesign::pipeline::directory::{DesignInputs, Note};
     use std::path::Path;
-    let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}"));
     for kept in KEPT {
+        let problem = kept.problem();
         let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join(kept.design);
         let inside = DesignInputs::read(&directory).unwrap_or_else(|e| panic!("{e}")).unwrap();
         let provenance = kept.schedule().provenance;

@@ -97,6 +97,7 @@ fn authority_is_linear_in_the_step_and_judged_against_limits() {
         gain: [0.01, 0.0, 0.0, 0.0],
         offset: -0.01 * trim[0],
         limits: [-limit, limit],
+        pitch: true,
     };
     let far = [[-1e6, 1e6]; 4];
     let roll = |spec: &Specification, limit: f64| {

@@ -206,6 +206,51 @@ fn many_flapping_blades_resolved_are_the_average() {
     }
 }
 
+/// As many blades as the average has azimuths stand where it looks: resolved and
+/// averaged are one sum, with a gimbal and rigid, to 1e-9 of gravity.
+#[test]
+fn blades_at_the_azimuths_of_the_average_are_the_average() {
+    for gimbal in [true, false] {
+        let built = |azimuth, blades: usize| {
+            let mut p = common::coarsened(problem("coax2d"));
+            if gimbal {
+                p = common::gimballed(p, blades);
+            }
+            p.inflow.interactions = false;
+            for rotor in &mut p.rotors {
+                if !gimbal {
+                    rotor.hub_kind = HubKind::Rigid;
+                    rotor.blades = blades;
+                }
+                rotor.azimuth = Some(azimuth);
+                rotor.airfoil = analytic(5.7, 0.01);
+                let share = 2.0 / blades as f64;
+                for chord in &mut rotor.chord.value {
+                    *chord *= share;
+                }
+                rotor.blade_second_moment *= share;
+                rotor.blade_first_moment *= share;
+                rotor.blade_mass *= share;
+            }
+            vehicle(&p)
+        };
+        let average = built(AzimuthModel::Averaged, 2);
+        let azimuths = average.rotors.iter().filter_map(|r| r.averaging_azimuths()).max().unwrap();
+        let [averaged, resolved] =
+            [AzimuthModel::Averaged, AzimuthModel::Resolved].map(|model| built(model, azimuths));
+        let counts: Vec<_> = averaged.rotors.iter().map(|r| r.averaging_azimuths()).collect();
+        assert!(counts.iter().all(|count| *count == Some(azimuths)), "{counts:?}");
+        let (state, effectors) = lively(&averaged);
+        let mean = rates(&averaged, 0.0, &state, &effectors, [0.0; 3]);
+        let all = rates(&resolved, 0.0, &state, &effectors, [0.0; 3]);
+        assert_eq!(averaged.state_count(), resolved.state_count());
+        for (k, (a, b)) in all.iter().zip(&mean).enumerate() {
+            let near = (a - b).abs() < 1e-6 * b.abs().max(1e-2);
+            assert!(near, "gimbal {gimbal}, {}: {a} {b}", averaged.layout.states[k].name);
+        }
+    }
+}
+
 /// An averaged teetering rotor is the mean of a resolved one over a turn, where
 /// the airframe is too heavy to shake.
 #[test]

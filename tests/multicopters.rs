@@ -29,6 +29,53 @@ fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
     assert!(error < tolerance, "{what}: {value}, expected {expected}");
 }
 
+/// A specification of the tree, an aircraft and the channels that its flight must
+/// hold, by the largest error against the law's references.
+fn designed(name: &str, specification: &str) {
+    use coaxdesign::pipeline::{
+        FlightPlan, PipelineError, Requirements, Silent, TuneOptions, fly, tune,
+    };
+    use coaxdesign::simulate::{Status, maneuver};
+    let path = format!("{}/problems/{specification}", env!("CARGO_MANIFEST_DIR"));
+    let requirements = Requirements::load(std::path::Path::new(&path)).unwrap();
+    let aircraft = coaxdesign::problem::builtin_named(name).unwrap();
+    let tuned = tune(&aircraft, &requirements, &TuneOptions::default(), &Silent).unwrap();
+    assert!(tuned.verified.met(), "{name}");
+    assert!(tuned.schedule.requirements_met, "{name}");
+    for check in &tuned.verified.authority {
+        assert!(check.passed, "{name}: {check:?}");
+    }
+    let flown = maneuver::builtin("dash-climb-turn").unwrap().unwrap();
+    let plan = FlightPlan::new(flown, Some(&tuned.schedule)).unwrap();
+    let mut rows = 0;
+    let flight = fly(
+        &aircraft.problem,
+        Some(&tuned.schedule),
+        &plan,
+        &Silent,
+        |_, row| -> Result<(), PipelineError> {
+            rows += 1;
+            assert!(row.iter().all(|value| value.is_finite()), "{name}: row {rows}");
+            Ok(())
+        },
+    )
+    .unwrap();
+    assert_eq!(flight.status, Status::Completed, "{name}");
+    for track in &flight.metrics.tracking {
+        // m/s, rad and rad/s alike.
+        assert!(track.size.peak < 0.5, "{name}: {track:?}");
+    }
+}
+
+/// The whole way for each multicopter: tuned and verified, all steps within what
+/// its rotors can do, flown through a manoeuvre.
+#[test]
+fn multicopters_are_designed_and_flown() {
+    designed("hummingbird", "hq-multicopter.toml");
+    designed("firefly", "hq-multicopter.toml");
+    designed("octo-x8", "hq-octo-x8.toml");
+}
+
 /// (rotor, ṗ, q̇, ṙ per rad/s): `aircraft.md` derives them from mass, arms and
 /// coefficients.
 type Rows = [(&'static str, f64, f64, f64)];
@@ -108,7 +155,9 @@ fn val_pitch_attitude_in_level_flight() {
 /// built for these and not for 56 pairs, and a rotor more in a row adds two.
 #[test]
 fn tables_of_interference_go_with_the_ways_in_which_rotors_lie() {
-    let x8 = problem("octo-x8");
+    let mut x8 = problem("octo-x8");
+    assert_eq!(vehicle(&x8).interference_tables(), 2);
+    x8.inflow.reach = 1000.0;
     assert_eq!(vehicle(&x8).interference_tables(), 8);
     let row = |count: usize| {
         let mut p = x8.clone();
@@ -132,7 +181,9 @@ fn tables_of_interference_go_with_the_ways_in_which_rotors_lie() {
 /// and down, fast and slow.
 #[test]
 fn wakes_of_eight_rotors_are_finite_in_any_flight() {
-    let vehicle = vehicle(&problem("octo-x8"));
+    let mut problem = problem("octo-x8");
+    problem.inflow.reach = 1000.0;
+    let vehicle = vehicle(&problem);
     let point = trimmed(&vehicle, FlightCondition::level(0.0), &Options::default());
     let mut effectors = vec![0.0; vehicle.effector_count()];
     vehicle.mix(&point.sticks, &mut effectors);
@@ -149,7 +200,7 @@ fn wakes_of_eight_rotors_are_finite_in_any_flight() {
 
 /// The lower rotor of a pair works in the wake of the upper one: at one speed it
 /// carries less, and the aircraft needs more power than with its rotors apart.
-/// Every speed trims, and the model is finite and stays what it is when mirrored.
+/// Every speed trims and has modes: eight rotors alike repeat eigenvalues.
 #[test]
 fn an_x8_trims_and_linearises() {
     let problem = problem("octo-x8");
@@ -171,5 +222,7 @@ fn an_x8_trims_and_linearises() {
         let trim = point.into_converged().unwrap();
         let model = linearize(&vehicle, &trim, &Default::default()).unwrap().model.averaged();
         assert!(model.a().iter().chain(model.b().iter()).all(|entry| entry.is_finite()));
+        let modes = coaxdesign::linear::dense::eigen(model.a()).unwrap();
+        assert!(modes.values.iter().all(|value| value.is_finite()));
     }
 }

@@ -523,6 +523,7 @@ fn wing(cant: f64, dihedral: f64, model: WingModel) -> problem::Wing {
         chord: constant(1.2),
         incidence: 0.0,
         incidence_schedule: None,
+        dynamic_pressure: None,
         cant,
         dihedral,
         model,
@@ -639,6 +640,57 @@ fn fin_is_a_weathercock() {
         let (_, [_, _, damping]) = wing_loads(&fin, [SPEED, 0.0, 0.0], [0.0, 0.0, 0.1]);
         assert!(damping < 0.0, "{damping}");
     }
+}
+
+/// In the wake of a fuselage a surface keeps the share of its loads that the
+/// dynamic pressure keeps: by the angle of attack or the sideslip of the aircraft,
+/// and all of them in hover, with tangents that are derivatives.
+#[test]
+fn a_surface_in_the_wake_of_a_fuselage_keeps_a_share_of_its_loads() {
+    use coaxdesign::numerics::scalar::Dual;
+    use coaxdesign::problem::{DynamicPressure, FlowAngle};
+    let free = wing(0.0, 0.0, strips(true));
+    let behind = |over| problem::Wing {
+        dynamic_pressure: Some(DynamicPressure {
+            over,
+            angle: vec![-0.4, 0.0, 0.4],
+            ratio: vec![1.0, 0.6, 0.8],
+        }),
+        ..free.clone()
+    };
+    let (attack, slip) = (behind(FlowAngle::Attack), behind(FlowAngle::Sideslip));
+    let lift = |wing: &problem::Wing, velocity| wing_loads(wing, velocity, [0.0; 3]).0[2];
+    let there = |v: f64| v * v / (v * v + 25.0);
+    for (velocity, by_attack, by_slip) in [
+        ([SPEED, 0.0, 1e-9], 0.6, 0.6),
+        ([SPEED * 0.4_f64.cos(), 0.0, SPEED * 0.4_f64.sin()], 0.8, 0.6),
+        ([SPEED * 0.6_f64.cos(), -SPEED * 0.6_f64.sin(), 0.1], 0.6, 1.0),
+        ([-SPEED, 0.0, 4.0], 0.8, 0.6),
+    ] {
+        let speed = velocity.iter().map(|v| v * v).sum::<f64>().sqrt();
+        for (wing, ratio) in [(&attack, by_attack), (&slip, by_slip)] {
+            let share = 1.0 + (ratio - 1.0) * there(speed);
+            let (kept, all) = (lift(wing, velocity), lift(&free, velocity));
+            assert!((kept - share * all).abs() < 2e-3 * all.abs().max(1e-3), "{velocity:?}");
+        }
+    }
+    let center = ORIGIN;
+    let air = coaxdesign::vehicle::atmosphere::Air::at(&common::problem("coax2d").atmosphere);
+    let built = Wing::new(&attack, &center, &air).unwrap();
+    let at = [12.0, 1.0, 2.5];
+    let velocity = [0, 1, 2].map(|k| Dual::<3>::variable(at[k], k));
+    let exact = built.loads(Vec3(velocity), Vec3::default(), |_| None).0.0[2];
+    for k in 0..3 {
+        let side = |by: f64| {
+            let mut moved = at;
+            moved[k] += by;
+            built.loads(Vec3(moved), Vec3::default(), |_| None).0.0[2]
+        };
+        let difference = (side(1e-5) - side(-1e-5)) / 2e-5;
+        assert!((exact.d[k] - difference).abs() < 1e-4 * difference.abs().max(1.0), "{k}");
+    }
+    let rest = built.loads(Vec3([Dual::<3>::default(); 3]), Vec3::default(), |_| None).0.0;
+    assert!(rest.iter().all(|f| f.v == 0.0 && f.d.iter().all(|d| d.is_finite())));
 }
 
 /// Dihedral rolls away from a slip; a wing damps roll, by strip theory

@@ -134,10 +134,16 @@ fn conditions_are_met() {
 /// The mirrored vehicle trims to the mirrored flight.
 #[test]
 fn mirrored_vehicle_trims_to_the_mirror_image() {
-    for name in ["coax2d", "coax2d-physics"] {
+    for name in ["coax2d", "coax2d-physics", "octo-x8"] {
         let base = coarsened(problem(name));
+        let few = name == "octo-x8";
         let (original, mirror) = (vehicle(&base), vehicle(&mirrored(&base)));
         for (knots, slip, turn) in [(0.0, 0.0, 0.0), (60.0, 0.1, 0.0), (60.0, 0.0, 0.1)] {
+            // The multicopter is itself its mirror image in hover, and slow.
+            let knots = if few { 0.2 * knots } else { knots };
+            if few && knots == 0.0 {
+                continue;
+            }
             let condition = |sign: f64| FlightCondition {
                 lateral: Lateral::Sideslip(sign * slip),
                 turn_rate: sign * turn,

@@ -262,7 +262,8 @@ fn rotors(problem: &Problem) -> Section {
         &bodies,
         |(_, s)| number(s.lift_slope),
     );
-    section.row("lock_number", "Lock number", one, &bodies, |(_, s)| number(s.lock_number));
+    section
+        .row("lock_number", "Lock number", one, &bodies, |(_, s)| s.lock_number.map(Cell::Number));
     section.row(
         "teeter_frequency_per_rev",
         "teeter frequency in vacuo, per rev",
@@ -311,7 +312,7 @@ fn rotors(problem: &Problem) -> Section {
         |(r, _)| number(r.blade_second_moment),
     );
     section.row("blade_mass_center", "centre of mass of a blade, r/R", one, &bodies, |(_, s)| {
-        number(s.blade_mass_center)
+        s.blade_mass_center.map(Cell::Number)
     });
     section
 }

@@ -270,6 +270,7 @@ fn blade_pitch(inversion: &Inversion, blades: &[BladeControl]) -> [f64; 4] {
     std::array::from_fn(|command| {
         blades
             .iter()
+            .filter(|blade| blade.pitch)
             .map(|blade| {
                 let sticks = inversion.decoupling.column(command);
                 blade.gain.iter().zip(sticks.iter()).map(|(g, s)| g * s).sum::<f64>().abs()

@@ -31,7 +31,8 @@ use coaxdesign::simulate::maneuver;
 use coaxdesign::trim::FlightCondition;
 use coaxdesign::units::{Kind, System};
 
-/// The manoeuvre that every design flies: that of the reference paper's Fig. 17.
+/// The manoeuvre that designs fly unless another is asked for: that of the
+/// reference paper's Fig. 17.
 const MANEUVER: &str = "accel-climb-turn";
 /// Time between two rows of its history.
 const INTERVAL: &str = "0.05 s";
@@ -54,9 +55,14 @@ pub struct Design {
     /// Directory of the design
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// True airspeeds of the trim curves: FIRST:LAST:STEP with a unit, or a list
-    #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt")]
-    speeds: String,
+    /// True airspeeds of the trim curves: FIRST:LAST:STEP with a unit, or a list [default: from 0
+    /// to the highest speed of the specification]
+    #[arg(long, value_name = "SPEEDS")]
+    speeds: Option<String>,
+    /// Manoeuvre to fly: a file, or the name of a built-in one [default: that of the design in -o,
+    /// else accel-climb-turn]
+    #[arg(short, long, value_name = "MANEUVER")]
+    maneuver: Option<PathBuf>,
     /// Forms of the schedule to export
     #[arg(
         long,
@@ -76,6 +82,40 @@ pub struct Design {
     units: UnitsArgs,
     #[command(flatten)]
     run: RunArgs,
+}
+
+/// What the arguments come to, with the aircraft and the specification.
+struct Plan {
+    speeds: String,
+    /// Name of the manoeuvre, its text, where it came from, and how a command names
+    /// it.
+    name: String,
+    text: String,
+    origin: String,
+    command: String,
+}
+
+impl Plan {
+    /// The manoeuvre's file in the design.
+    fn maneuver_file(&self) -> String {
+        format!("{MANEUVERS}/{}.toml", self.name)
+    }
+
+    /// The flight's file in the design.
+    fn flight_file(&self) -> String {
+        format!("{FLIGHTS}/{}.json", self.name)
+    }
+}
+
+/// Speeds of trim curves up to the highest of a specification, some twelve of
+/// them or more.
+fn default_speeds(highest: f64) -> String {
+    let top = Kind::Airspeed.from_si(highest, System::Us);
+    let steps = [5.0, 2.0, 1.0, 0.5, 0.2, 0.1];
+    let step = steps.into_iter().find(|step| top / step > 12.0 - 1e-9).unwrap_or(0.1);
+    // Rounding must not take the last speed away.
+    let last = ((top / step + 1e-6).floor() * step * 10.0).round() / 10.0;
+    format!("0:{last}:{step}kt")
 }
 
 /// What a stage does.
@@ -112,12 +152,18 @@ impl Design {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         let spec = SpecArgs::of(self.spec.clone());
-        parse_speeds(&self.speeds)?;
+        if let Some(speeds) = &self.speeds {
+            parse_speeds(speeds)?;
+        }
         let directory = &self.output;
         if self.dry_run {
             let chosen = Chosen::new(&self.problem, &spec, Some(directory), self.run.quiet)?;
-            let lines: Vec<String> =
-                self.stages(&chosen).iter().map(|s| output::shell_line(&s.command)).collect();
+            let plan = self.plan(&chosen)?;
+            let lines: Vec<String> = self
+                .stages(&chosen, &plan)
+                .iter()
+                .map(|s| output::shell_line(&s.command))
+                .collect();
             output::print(&(lines.join("\n") + "\n"))?;
             return Ok(Outcome::Done);
         }
@@ -125,9 +171,10 @@ impl Design {
         // A mistake in a file is said at once, not after the first stages, and
         // so is a warning.
         let chosen = Chosen::new(&self.problem, &spec, Some(directory), self.run.quiet)?;
-        let stages = self.stages(&chosen);
-        let mut note = self.note(&chosen, &stages)?;
-        let maneuver = (flown_file(), maneuver_text()?.as_bytes().to_vec());
+        let plan = self.plan(&chosen)?;
+        let stages = self.stages(&chosen, &plan);
+        let mut note = self.note(&chosen, &stages, &plan);
+        let maneuver = (plan.maneuver_file(), plan.text.as_bytes().to_vec());
         chosen.write(directory, &note, vec![maneuver], chosen.is_design())?;
         let mut table = Table::new(
             &format!("{}: {}", chosen.loaded.problem.name, directory.display()),
@@ -153,7 +200,7 @@ impl Design {
                     output::note(&format!("{} ...\n", stage.name));
                 }
                 tracing::info!(stage = stage.name.as_str(), "run");
-                let ended = match self.work(stage.work, &chosen)? {
+                let ended = match self.work(stage.work, &chosen, &plan)? {
                     Outcome::Done => Ended::Done,
                     Outcome::GoalMissed => Ended::GoalMissed,
                 };
@@ -186,27 +233,66 @@ impl Design {
         Ok(if missed { Outcome::GoalMissed } else { Outcome::Done })
     }
 
+    fn plan(&self, chosen: &Chosen) -> Result<Plan, CliError> {
+        let highest = chosen.requirements.specification.speeds.iter().copied().fold(0.0, f64::max);
+        let speeds = self.speeds.clone().unwrap_or_else(|| default_speeds(highest));
+        let built_in = |name: &str| {
+            let (_, text) = maneuver::BUILTIN.iter().find(|(known, _)| *known == name)?;
+            Some(((*text).to_string(), format!("{name} (built in)"), name.to_string()))
+        };
+        let of_file = |path: &Path| -> Result<_, CliError> {
+            output::is_input(path);
+            // A mistake in it is said at once.
+            maneuver::load(path)?;
+            let fault = |source| CliError::Io { path: path.to_path_buf(), source };
+            let text = std::fs::read_to_string(path).map_err(fault)?;
+            Ok((text, path.display().to_string(), path.display().to_string()))
+        };
+        let stem = |path: &Path| {
+            path.file_stem().map_or_else(|| MANEUVER.into(), |s| s.to_string_lossy().into_owned())
+        };
+        let kept = chosen.note().maneuvers.first().cloned();
+        let (name, (text, origin, command)) = match (&self.maneuver, kept) {
+            (Some(path), _) => {
+                let found = if path.exists() { None } else { path.to_str().and_then(built_in) };
+                (stem(path), found.map_or_else(|| of_file(path), Ok)?)
+            }
+            (None, Some(part)) => {
+                let path = self.output.join(&part.file);
+                let (text, _, command) = of_file(&path)?;
+                let name = stem(&path);
+                let command = built_in(&name).filter(|b| b.0 == text).map_or(command, |b| b.2);
+                (name, (text, part.origin, command))
+            }
+            (None, None) => {
+                let none = || CliError::Internal(format!("there is no manoeuvre {MANEUVER}"));
+                (MANEUVER.into(), built_in(MANEUVER).ok_or_else(none)?)
+            }
+        };
+        Ok(Plan { speeds, name, text, origin, command })
+    }
+
     /// The note to begin with: what is known of stages that still exist.
-    fn note(&self, chosen: &Chosen, stages: &[Stage]) -> Result<Note, CliError> {
+    fn note(&self, chosen: &Chosen, stages: &[Stage], plan: &Plan) -> Note {
         let mut note = chosen.note();
         if self.again {
             note.stages.clear();
         }
         note.stages.retain(|name, _| stages.iter().any(|s| s.name == *name));
         note.maneuvers = vec![Part {
-            file: flown_file(),
-            origin: format!("{MANEUVER} (built in)"),
-            hash: hash([maneuver_text()?]),
+            file: plan.maneuver_file(),
+            origin: plan.origin.clone(),
+            hash: hash([plan.text.as_str()]),
         }];
         let exports: Vec<&str> = self.exports.iter().map(|f| f.0.about().name).collect();
         note.options = [
-            ("speeds", self.speeds.clone()),
+            ("speeds", plan.speeds.clone()),
             ("units", self.unit_name().into()),
             ("exports", exports.join(",")),
         ]
         .map(|(key, value)| (key.to_string(), value))
         .into();
-        Ok(note)
+        note
     }
 
     fn unit_name(&self) -> &'static str {
@@ -217,7 +303,7 @@ impl Design {
     }
 
     /// The stages, in order.
-    fn stages(&self, chosen: &Chosen) -> Vec<Stage> {
+    fn stages(&self, chosen: &Chosen, plan: &Plan) -> Vec<Stage> {
         let breakpoints: Vec<String> = chosen
             .requirements
             .specification
@@ -228,7 +314,7 @@ impl Design {
         let breakpoints = format!("{} kt", breakpoints.join(","));
         let design = self.output.display().to_string();
         let path = |name: &str| self.output.join(name).display().to_string();
-        let flight = flight_file();
+        let flight = plan.flight_file();
         let file = match &self.problem.file {
             Some(file) => file.display().to_string(),
             None if chosen.keeps_aircraft() => design.clone(),
@@ -254,7 +340,7 @@ impl Design {
         };
         let mut stages = vec![
             Stage {
-                choices: words(&[&self.speeds, units]),
+                choices: words(&[&plan.speeds, units]),
                 ..stage(
                     "trim",
                     Work::Trim,
@@ -264,7 +350,7 @@ impl Design {
                         "-o",
                         &path("trim.json"),
                         "--speeds",
-                        &self.speeds,
+                        &plan.speeds,
                         "--format",
                         "json",
                         "--units",
@@ -300,7 +386,7 @@ impl Design {
                 ..stage("gains", Work::Gains, &gains, &["schedule.json", "verification.json"])
             },
             Stage {
-                reads: vec!["schedule.json".into(), flown_file()],
+                reads: vec!["schedule.json".into(), plan.maneuver_file()],
                 ..stage(
                     "simulation",
                     Work::Flight,
@@ -310,7 +396,7 @@ impl Design {
                         "-o",
                         &path(&flight),
                         "-m",
-                        MANEUVER,
+                        &plan.command,
                         "--interval",
                         INTERVAL,
                     ]),
@@ -329,9 +415,9 @@ impl Design {
                 ..stage(&format!("export {name}"), Work::Export(*format), &command, &[])
             });
         }
-        let report = words(&["report", &design, "--speeds", &self.speeds, "--units", units]);
+        let report = words(&["report", &design, "--speeds", &plan.speeds, "--units", units]);
         stages.push(Stage {
-            choices: words(&[&self.speeds, units]),
+            choices: words(&[&plan.speeds, units]),
             specified: true,
             reads: words(&["schedule.json", "verification.json", &flight]),
             ..stage("report", Work::Report, &report, &["report.html"])
@@ -340,7 +426,7 @@ impl Design {
     }
 
     /// Runs a stage and writes its files.
-    fn work(&self, work: Work, chosen: &Chosen) -> Result<Outcome, CliError> {
+    fn work(&self, work: Work, chosen: &Chosen, plan: &Plan) -> Result<Outcome, CliError> {
         let directory = &self.output;
         let watch = Watch::new(self.run.quiet);
         let problem = &chosen.loaded.problem;
@@ -350,7 +436,7 @@ impl Design {
         match work {
             Work::Trim => {
                 let conditions: Vec<FlightCondition> =
-                    parse_speeds(&self.speeds)?.into_iter().map(FlightCondition::level).collect();
+                    parse_speeds(&plan.speeds)?.into_iter().map(FlightCondition::level).collect();
                 let points = trim_all(problem, &conditions, &[true, false], self.run.quiet)?;
                 write("trim.json", &json_text(problem, &points, self.units.system())?)?;
                 let failures = failures(&points);
@@ -383,7 +469,7 @@ impl Design {
             Work::Flight => {
                 let fly = FlyArgs {
                     design: Some(directory.clone()),
-                    maneuver: directory.join(flown_file()),
+                    maneuver: directory.join(plan.maneuver_file()),
                     sources: SourceArgs::default(),
                     model: Vec::new(),
                     seed: 0,
@@ -392,7 +478,7 @@ impl Design {
                     pitch_rate_limit: None,
                 };
                 let (text, outcome) = recorded(&fly.ready(true)?, EVERY, &watch)?;
-                write(&flight_file(), &text)?;
+                write(&plan.flight_file(), &text)?;
                 Ok(outcome)
             }
             Work::Export(format) => {
@@ -404,28 +490,11 @@ impl Design {
             }
             Work::Report => {
                 let inputs = Inputs::find(directory, &SourceArgs::default(), true)?;
-                write("report.html", &page(&inputs, &self.speeds, self.units, self.run.quiet)?)?;
+                write("report.html", &page(&inputs, &plan.speeds, self.units, self.run.quiet)?)?;
                 Ok(Outcome::Done)
             }
         }
     }
-}
-
-/// The manoeuvre's file in a design.
-fn flown_file() -> String {
-    format!("{MANEUVERS}/{MANEUVER}.toml")
-}
-
-/// The flight's file in a design.
-fn flight_file() -> String {
-    format!("{FLIGHTS}/{MANEUVER}.json")
-}
-
-fn maneuver_text() -> Result<&'static str, CliError> {
-    let found = maneuver::BUILTIN.iter().find(|(name, _)| *name == MANEUVER);
-    found
-        .map(|(_, text)| *text)
-        .ok_or_else(|| CliError::Internal(format!("there is no manoeuvre {MANEUVER}")))
 }
 
 impl Stage {
@@ -494,6 +563,18 @@ mod tests {
         assert_eq!(key("unspecified", &note), key("unspecified", &other));
         std::fs::write(directory.path().join("schedule.json"), "{}").unwrap();
         assert_ne!(first, key("x", &note));
+    }
+
+    /// Trim curves run to the highest speed of the specification, in round steps.
+    #[test]
+    fn trim_curves_end_where_the_specification_does() {
+        let knots = |speed: f64| default_speeds(speed * coaxdesign::units::KNOT);
+        assert_eq!(knots(90.0), "0:90:5kt");
+        assert_eq!(knots(120.0), "0:120:5kt");
+        assert_eq!(knots(64.0), "0:60:5kt");
+        assert_eq!(default_speeds(10.0), "0:19:1kt");
+        assert_eq!(knots(0.0), "0:0:0.1kt");
+        assert!(parse_speeds(&knots(2.0)).unwrap().len() > 10);
     }
 
     /// The interval that the command shows is the one that is flown.

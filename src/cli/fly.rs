@@ -28,8 +28,9 @@ pub struct FlyArgs {
     /// Directory of a design, or a schedule file; open-loop manoeuvres need none
     #[arg(value_name = "DESIGN")]
     pub design: Option<PathBuf>,
-    /// Manoeuvre file, or the name of a built-in one: accel-climb-turn, hover-turbulence,
-    /// hover-turn, pirouette, slalom, accel-decel, sidestep, vertical, engine-out, lateral-doublet
+    /// Manoeuvre file, or the name of a built-in one: accel-climb-turn, dash-climb-turn,
+    /// hover-turbulence, hover-turn, pirouette, slalom, accel-decel, sidestep, vertical,
+    /// engine-out, lateral-doublet
     #[arg(short, long, value_name = "FILE")]
     pub maneuver: PathBuf,
     #[command(flatten)]

@@ -576,12 +576,18 @@ pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
         };
         let most = of.iter().map(|c| c.used_percent).fold(0.0, f64::max);
         let fastest = of.iter().map(|c| c.rate_deg_s).fold(0.0, f64::max);
+        // Rotors of fixed pitch have no pitch rate.
+        let rate = if fastest > 0.0 {
+            let beyond = list(&|c| c.rate_deg_s > c.rate_limit_deg_s);
+            format!("; blade pitch rate: {beyond}, at most {fastest:.0} deg/s")
+        } else {
+            String::new()
+        };
         text += &format!(
-            "  {:5} room: {}, at most {most:.0} % used; blade pitch rate: {}, at most \
-             {fastest:.0} deg/s\n        hardest at {}: of {} it can do {} ({})\n",
+            "  {:5} room: {}, at most {most:.0} % used{rate}\n        hardest at {}: of {} it \
+             can do {} ({})\n",
             axis.name(),
             list(&|c| c.used_percent > 100.0),
-            list(&|c| c.rate_deg_s > c.rate_limit_deg_s),
             speed_text(worst.speed_m_s, system),
             size(worst.step),
             size(worst.largest_step),

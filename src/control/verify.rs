@@ -596,17 +596,20 @@ fn judge(row: &mut Row, t: &Targets, comfort: &Comfort) {
     row.passed = row.missed.is_empty();
 }
 
-/// A blade-pitch control as a function of the sticks.
+/// A blade pitch, rad, or a commanded rotor speed, rad/s, as a function of the
+/// sticks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BladeControl {
     /// Name, such as `upper collective`.
     pub name: String,
-    /// rad per % of lat, lon, col, ped.
+    /// Per % of lat, lon, col, ped.
     pub gain: [f64; 4],
-    /// rad at zero sticks.
+    /// At zero sticks.
     pub offset: f64,
-    /// Limits, rad.
+    /// Limits.
     pub limits: [f64; 2],
+    /// Whether it is a blade pitch, for which the rate limit holds.
+    pub pitch: bool,
 }
 
 /// What a step command asks of sticks and blades.
@@ -636,8 +639,11 @@ pub struct Authority {
     pub passed: bool,
 }
 
-/// Time and step of the authority check, s.
+/// Time and longest step of the authority check, s.
 const AUTHORITY_TIME: [f64; 2] = [5.0, 0.005];
+/// Most of an actuator's own time in a step of the authority check: its
+/// integration is stable up to about 1.
+const AUTHORITY_STEP: f64 = 0.2;
 
 /// What the step commands of a specification ask of the blades at each
 /// breakpoint: the feed-forward of the law on its own reference model, through
@@ -698,7 +704,8 @@ fn step_demand(
     use nalgebra::{SVector, Vector4};
     let inv = &point.inversion;
     let settings = &table.settings;
-    let (end, dt) = (AUTHORITY_TIME[0], AUTHORITY_TIME[1]);
+    let (end, longest) = (AUTHORITY_TIME[0], AUTHORITY_TIME[1]);
+    let dt = longest.min(AUTHORITY_STEP / hardware.actuator_bandwidth);
     let i = axis.index();
     // Commands of bank, pitch, yaw rate and vertical velocity, and references.
     let mut command = [0.0; 4];
@@ -763,6 +770,9 @@ fn step_demand(
         for b in blades {
             let at = |s: &Vector4<f64>| b.offset + (0..4).map(|j| b.gain[j] * s[j]).sum::<f64>();
             look(&b.name, at(&trim), at(&total), b.limits);
+            if !b.pitch {
+                continue;
+            }
             let r: f64 = (0..4).map(|j| b.gain[j] * stick_rate[j]).sum();
             fastest = fastest.max(r.abs());
         }

@@ -87,17 +87,22 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<C64>, LinearError> {
     let (mut re, mut im) = (vec![0.0; n], vec![0.0; n]);
     let none = ComputeEigenvectors::No;
     let scratch = evd::evd_scratch::<f64>(n, none, none, faer::Par::Seq, params);
-    evd::evd_real(
-        faer_view(&balanced),
-        faer::diag::DiagMut::from_slice_mut(&mut re),
-        faer::diag::DiagMut::from_slice_mut(&mut im),
-        None,
-        None,
-        faer::Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        params,
-    )
-    .map_err(|_| no_eigenvalues())?;
+    let mut iterate = |matrix: &DMatrix<f64>| {
+        evd::evd_real(
+            faer_view(matrix),
+            faer::diag::DiagMut::from_slice_mut(&mut re),
+            faer::diag::DiagMut::from_slice_mut(&mut im),
+            None,
+            None,
+            faer::Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            params,
+        )
+    };
+    if iterate(&balanced).is_err() {
+        let mirror = reflection(n);
+        iterate(&(&mirror * &balanced * &mirror)).map_err(|_| no_eigenvalues())?;
+    }
     let mut values: Vec<C64> =
         re.into_iter().zip(im).map(|(re, im)| Complex::new(re, im)).collect();
     values.sort_by(spectral_order);
@@ -207,7 +212,29 @@ pub fn eigen(a: &DMatrix<f64>) -> Result<Eigen, LinearError> {
     Ok(Eigen { values, right, left: vectors })
 }
 
+/// A reflection I − 2 v vᵀ/(vᵀ v) in a direction with no symmetry.
+///
+/// The matrices of aircraft with many rotors alike have symmetries on which the
+/// iteration may turn in circles, or which leave it with vectors of no length.
+/// Seen in this mirror they have the same eigenvalues and no symmetry.
+fn reflection(n: usize) -> DMatrix<f64> {
+    let v = DVector::from_fn(n, |k, _| 1.0 + 0.618_034 * (1.7 * k as f64).sin());
+    DMatrix::identity(n, n) - &v * v.transpose() * (2.0 / v.norm_squared())
+}
+
+/// Eigenvalues, smallest first, and unit eigenvectors.
 fn sorted_eigenvectors(a: &DMatrix<f64>) -> Result<(Vec<C64>, DMatrix<C64>), LinearError> {
+    sorted_vectors(a, None).or_else(|_| {
+        let mirror = reflection(a.nrows());
+        sorted_vectors(&(&mirror * a * &mirror), Some(&mirror))
+    })
+}
+
+/// The same of a matrix seen in a mirror, whose vectors are wanted as they are.
+fn sorted_vectors(
+    a: &DMatrix<f64>,
+    mirror: Option<&DMatrix<f64>>,
+) -> Result<(Vec<C64>, DMatrix<C64>), LinearError> {
     let n = a.nrows();
     let decomposition = faer_view(a).eigen().map_err(|_| no_eigenvalues())?;
     let s = decomposition.S().column_vector();
@@ -219,6 +246,9 @@ fn sorted_eigenvectors(a: &DMatrix<f64>) -> Result<(Vec<C64>, DMatrix<C64>), Lin
         let z = u[(i, order[k])];
         Complex::new(z.re, z.im)
     });
+    if let Some(mirror) = mirror {
+        vectors = mirror.map(|entry| Complex::new(entry, 0.0)) * vectors;
+    }
     for mut column in vectors.column_iter_mut() {
         let length = column.norm();
         if !(length.is_finite() && length > 0.0) {
@@ -604,6 +634,24 @@ pub(super) mod tests {
                     let expected = if j == k { 1.0 } else { 0.0 };
                     assert!((product - expected).norm() < 1e-10, "{n} {k} {j} {product}");
                 }
+            }
+        }
+    }
+
+    /// A matrix seen in the mirror has its eigenvalues and its vectors.
+    #[test]
+    fn a_mirror_leaves_eigenvalues_and_vectors() {
+        let mut numbers = Numbers(11);
+        for n in [1, 2, 6, 24] {
+            let a = numbers.matrix(n, n);
+            let mirror = reflection(n);
+            assert!((&mirror * &mirror - DMatrix::identity(n, n)).amax() < 1e-14);
+            let (values, vectors) = sorted_vectors(&a, None).unwrap();
+            let (same, seen) = sorted_vectors(&(&mirror * &a * &mirror), Some(&mirror)).unwrap();
+            for k in 0..n {
+                assert!((values[k] - same[k]).norm() < 1e-10 * (1.0 + values[k].norm()));
+                let product = vectors.column(k).dotc(&seen.column(k)).norm();
+                assert!((product - 1.0).abs() < 1e-9, "{n} {k} {product}");
             }
         }
     }

@@ -104,7 +104,8 @@ pub fn plants(
     Ok(build_until(problem, models, speeds, &|| observer.advance(), &stop)?)
 }
 
-/// Blade controls of a problem, for the authority check.
+/// Blade controls and commanded rotor speeds of a problem, for the authority
+/// check.
 #[must_use]
 pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
     let c = &problem.controls;
@@ -116,11 +117,25 @@ pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
             ("theta_1s", mix.theta_1s, c.cyclic_limits[k]),
         ];
         for (i, (name, gain, limits)) in parts.into_iter().enumerate() {
+            // A propeller whose speed is its control has a pitch that nothing moves.
+            if rotor.motor.is_some() && gain == [0.0; 4] {
+                continue;
+            }
             out.push(BladeControl {
                 name: format!("{} {name}", rotor.name),
                 gain,
                 offset: mix.rigging[i],
                 limits,
+                pitch: true,
+            });
+        }
+        if rotor.motor.is_some() {
+            out.push(BladeControl {
+                name: format!("{} speed", rotor.name),
+                gain: mix.speed,
+                offset: mix.speed_rigging,
+                limits: c.speed_limits[k],
+                pitch: false,
             });
         }
     }

@@ -148,7 +148,9 @@ fn mass(host: &mut dyn Host, table: &CheckedTable) -> Option<MassProperties> {
     principal.sort_by(f64::total_cmp);
     let shown = principal.map(|moment| {
         let value = Kind::Inertia.from_si(moment, System::Us);
-        format!("{value:.1}")
+        // Four digits, so that small aircraft have figures too.
+        let digits = if value.abs() >= 1.0 { 1 } else { 5 };
+        format!("{value:.digits$}")
     });
     let (severity, fault) = if principal[0] <= 0.0 {
         (Severity::Error, "the inertia tensor is not positive definite")
@@ -699,6 +701,10 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
         Some(schedule) => Some(incidence_schedule(host, schedule)?),
         None => None,
     };
+    let dynamic_pressure = match table.table("dynamic_pressure") {
+        Some(behind) => Some(dynamic_pressure(host, behind)?),
+        None => None,
+    };
     Some(Wing {
         name: name.into(),
         aerodynamic_center: position?,
@@ -710,7 +716,32 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
         dihedral: table.number("dihedral")?,
         model: model?,
         wash: wash(table)?,
+        dynamic_pressure,
     })
+}
+
+fn dynamic_pressure(host: &mut dyn Host, table: &CheckedTable) -> Option<DynamicPressure> {
+    let (over, key) = match table.number_list("angle_of_attack") {
+        Some(_) => (FlowAngle::Attack, "angle_of_attack"),
+        None => (FlowAngle::Sideslip, "sideslip"),
+    };
+    let (angle, ratio) = (table.number_list(key)?, table.number_list("ratio")?);
+    let increasing = angle.windows(2).all(|pair| pair[0] < pair[1]);
+    let fault = if angle.len() < 2 || !increasing {
+        "angles must increase strictly, and be two or more".to_owned()
+    } else if ratio.len() != angle.len() {
+        format!("there are {} angles but {} ratios", angle.len(), ratio.len())
+    } else {
+        return Some(DynamicPressure { over, angle, ratio });
+    };
+    host.finding(
+        Severity::Error,
+        table.place(key),
+        &table.key_path(key),
+        fault,
+        format!("write as many of both, such as {key} = [\"-20 deg\", \"20 deg\"]"),
+    );
+    None
 }
 
 fn incidence_schedule(host: &mut dyn Host, table: &CheckedTable) -> Option<IncidenceSchedule> {
@@ -746,6 +777,7 @@ fn inflow(table: &CheckedTable) -> Option<InflowOptions> {
             _ => TotalInflow::Algebraic,
         },
         wash_core: table.number("wash_core")?,
+        reach: table.number("reach")?,
         wash_edge: table.number("wash_edge")?,
     })
 }

@@ -68,7 +68,7 @@ pub enum Value {
     Number(Bounds),
     /// A number with its unit.
     Quantity(Kind, Bounds),
-    /// As many numbers without units.
+    /// As many numbers without units; 0 stands for one or more.
     Numbers(usize, Bounds),
     /// As many numbers with their units; 0 stands for one or more.
     Quantities(usize, Kind, Bounds),
@@ -760,6 +760,27 @@ static INCIDENCE_SCHEDULE: Table = Table {
     alternatives: &[],
 };
 
+static DYNAMIC_PRESSURE: Table = Table {
+    doc: "Dynamic pressure at a surface in the wake of a body, over that of the free air: a smooth \
+          curve through the points, held beyond the ends. It fades out below some 10 kt.",
+    keys: &[
+        optional(
+            "angle_of_attack",
+            Value::Quantities(0, Kind::Angle, from_to("-180 deg", "180 deg")),
+            "`sideslip` is given instead",
+            "Angles of attack of the aircraft, strictly increasing, two or more.",
+        ),
+        optional(
+            "sideslip",
+            Value::Quantities(0, Kind::Angle, from_to("-180 deg", "180 deg")),
+            "`angle_of_attack` is given instead",
+            "Angles of sideslip of the aircraft, positive with wind from starboard.",
+        ),
+        required("ratio", Value::Numbers(0, from_to("0", "2")), "Ratio at each of them."),
+    ],
+    alternatives: &[&["angle_of_attack"], &["sideslip"]],
+};
+
 static WING: Table = Table {
     doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
           from the body axes by a rotation about x by `cant`; the span runs along the turned y \
@@ -815,6 +836,12 @@ static WING: Table = Table {
             "Loads of a simple finite wing.",
         ),
         default("wash", WASH, "\"none\"", "What the rotors' wakes do to it."),
+        optional(
+            "dynamic_pressure",
+            Value::Table(&DYNAMIC_PRESSURE),
+            "that of the free air",
+            "Dynamic pressure in the wake of the fuselage.",
+        ),
     ],
     alternatives: &[&["strips"], &["finite"]],
 };
@@ -853,6 +880,13 @@ static INFLOW: Table = Table {
             "0.05",
             "Core radius of the wake that washes bodies and wings, as a fraction of the radius \
              of the rotor it comes from.",
+        ),
+        default(
+            "reach",
+            Value::Number(above_to("0", "1000")),
+            "1000",
+            "Rotors whose hubs are further apart than this, seen along the shaft of the one whose \
+             wake it is, in radii of that rotor, do not act on one another.",
         ),
         default(
             "wash_edge",

@@ -477,6 +477,28 @@ pub struct Wing {
     pub model: WingModel,
     /// Rotor wash on it.
     pub wash: Wash,
+    /// Dynamic pressure in the wake of the fuselage, over that of the free air.
+    pub dynamic_pressure: Option<DynamicPressure>,
+}
+
+/// Angle of the flow that a table runs over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlowAngle {
+    /// Angle of attack of the aircraft.
+    Attack,
+    /// Sideslip of the aircraft, positive with wind from starboard.
+    Sideslip,
+}
+
+/// Ratio of dynamic pressures over an angle of the flow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DynamicPressure {
+    /// Which angle.
+    pub over: FlowAngle,
+    /// Angles, rad, strictly increasing; the ends hold beyond them.
+    pub angle: Vec<f64>,
+    /// Ratio at each.
+    pub ratio: Vec<f64>,
 }
 
 /// Incidence of a surface that follows the airspeed.
@@ -564,6 +586,9 @@ pub struct InflowOptions {
     /// Core radius of the wake that washes bodies and wings, fraction of the
     /// source's radius.
     pub wash_core: f64,
+    /// Rotors whose shafts are further apart than this, in radii of the source, do
+    /// not act on one another.
+    pub reach: f64,
     /// Half-width of the wake's edge over which wash on bodies and wings is
     /// averaged, with the span of finite wings; fraction of the source's radius.
     /// Zero takes the wash at one point.

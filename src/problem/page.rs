@@ -190,6 +190,9 @@ fn value(key: &Key, path: &str) -> String {
         Value::Bool => "`true` or `false`".into(),
         Value::Count(low, high) => format!("whole number, {low} to {high}"),
         Value::Number(bounds) => format!("number, {}", words(bounds)),
+        Value::Numbers(0, bounds) => {
+            format!("list of one or more numbers, each {}", words(bounds))
+        }
         Value::Numbers(count, bounds) => format!("list of {count} numbers, each {}", words(bounds)),
         Value::Quantity(kind, bounds) => format!("{}, {}", kind.noun(), words(bounds)),
         Value::Quantities(0, kind, bounds) => {

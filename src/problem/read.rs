@@ -386,8 +386,8 @@ impl Reader<'_> {
                 Some(Checked::Number(number))
             }
             Value::Numbers(count, bounds) => {
-                let form = format!("{} = [{}]", entry.name, vec!["1.0"; *count].join(", "));
-                let items = self.list(node, path, Some(*count), &form)?;
+                let form = numbers_form(&entry.name, *count);
+                let items = self.list(node, path, (*count > 0).then_some(*count), &form)?;
                 let values: Vec<_> =
                     items.iter().map(|item| self.number(item, path, bounds)).collect();
                 Some(Checked::Numbers(values.into_iter().collect::<Option<_>>()?))
@@ -857,13 +857,19 @@ fn example(key: &Key, path: &str) -> String {
         Value::Quantity(kind, _) | Value::Spanwise(kind, _) | Value::SpanwiseFromZero(kind, _) => {
             format!("{name} = \"10 {}\"", kind.usual_units()[0])
         }
-        Value::Numbers(count, _) => format!("{name} = [{}]", vec!["1.0"; *count].join(", ")),
+        Value::Numbers(count, _) => numbers_form(name, *count),
         Value::Quantities(count, kind, _) => quantities_form(name, *count, *kind),
         Value::Limits(kind, _) => quantities_form(name, 2, *kind),
         Value::Choice(words) => format!("{name} = \"{}\"", words[0].0),
         Value::Table(_) => format!("[{path}]"),
         Value::Named(_, _) => format!("[{path}.name]"),
     }
+}
+
+/// A list of plain numbers, two where any number of them may stand.
+fn numbers_form(name: &str, count: usize) -> String {
+    let count = if count == 0 { 2 } else { count };
+    format!("{name} = [{}]", vec!["1.0"; count].join(", "))
 }
 
 fn first_sentence(doc: &str) -> String {

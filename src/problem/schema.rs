@@ -175,6 +175,9 @@ fn value(value: &Value, complete: bool) -> Json {
         }
         Value::Number(bounds) => number(bounds),
         Value::Quantity(kind, _) => quantity(*kind),
+        Value::Numbers(0, bounds) => {
+            json!({ "type": "array", "items": number(bounds), "minItems": 1 })
+        }
         Value::Numbers(count, bounds) => list(number(bounds), *count),
         Value::Quantities(0, kind, _) => {
             json!({ "type": "array", "items": quantity(*kind), "minItems": 1 })

@@ -16,8 +16,9 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 /// Built-in manoeuvres, by name.
-pub const BUILTIN: [(&str, &str); 10] = [
+pub const BUILTIN: [(&str, &str); 11] = [
     ("accel-climb-turn", include_str!("../../problems/maneuvers/accel-climb-turn.toml")),
+    ("dash-climb-turn", include_str!("../../problems/maneuvers/dash-climb-turn.toml")),
     ("hover-turbulence", include_str!("../../problems/maneuvers/hover-turbulence.toml")),
     ("hover-turn", include_str!("../../problems/maneuvers/hover-turn.toml")),
     ("pirouette", include_str!("../../problems/maneuvers/pirouette.toml")),

@@ -38,7 +38,7 @@ pub fn mirrored(problem: &Problem) -> Problem {
         wing.chord.value.reverse();
     }
     for mix in &mut mirror.controls.mix {
-        for row in [&mut mix.theta_0, &mut mix.theta_1c, &mut mix.theta_1s] {
+        for row in [&mut mix.theta_0, &mut mix.theta_1c, &mut mix.theta_1s, &mut mix.speed] {
             for stick in MIRRORED_STICKS {
                 row[stick] = -row[stick];
             }

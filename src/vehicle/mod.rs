@@ -308,8 +308,13 @@ impl Vehicle {
         } else {
             Vec::new()
         };
-        let geometries: Vec<DiskGeometry> =
-            pairs.iter().map(|&(i, j)| self.disk_geometry(i, j)).collect();
+        let (pairs, geometries): (Vec<_>, Vec<_>) = pairs
+            .into_iter()
+            .map(|(i, j)| ((i, j), self.disk_geometry(i, j)))
+            .filter(|(_, seen)| {
+                seen.offset.x.hypot(seen.offset.y) <= self.inflow.reach * seen.source_radius
+            })
+            .unzip();
         let built = Interference::of_all(&geometries, self.formulation.interference_rule).map_err(
             |(pair, error)| VehicleError::Interference {
                 source_rotor: self.rotors[pairs[pair].1].name.clone(),

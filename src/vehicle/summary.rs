@@ -43,13 +43,14 @@ pub struct RotorSummary {
     pub tip_mach: f64,
     /// Lift-curve slope of the section at 0.75 R, at its Mach number in hover, 1/rad.
     pub lift_slope: f64,
-    /// Lock number ρ a c R⁴/I_β, with a and c at 0.75 R.
-    pub lock_number: f64,
+    /// Lock number ρ a c R⁴/I_β, with a and c at 0.75 R; none without the inertia
+    /// of a blade.
+    pub lock_number: Option<f64>,
     /// Teeter frequency in vacuo, without undersling, per revolution:
     /// sqrt(1 + k/(2 I_β Ω²)). None for other hubs.
     pub teeter_frequency: Option<f64>,
-    /// Centre of mass of a blade, M_β/m_b, fraction of R.
-    pub blade_mass_center: f64,
+    /// Centre of mass of a blade, M_β/m_b, fraction of R; none without mass.
+    pub blade_mass_center: Option<f64>,
 }
 
 /// Derived numbers of the aircraft.
@@ -98,14 +99,16 @@ pub fn rotor(problem: &Problem, rotor: &Rotor) -> RotorSummary {
         tip_speed,
         tip_mach,
         lift_slope,
-        lock_number: air.density * lift_slope * chord * radius.powi(4) / inertia,
+        lock_number: (inertia > 0.0)
+            .then(|| air.density * lift_slope * chord * radius.powi(4) / inertia),
         teeter_frequency: match rotor.hub_kind {
             HubKind::Teetering { spring, .. } => {
                 Some((1.0 + spring / (2.0 * inertia * rotor.speed.powi(2))).sqrt())
             }
             _ => None,
         },
-        blade_mass_center: rotor.blade_first_moment / (rotor.blade_mass * radius),
+        blade_mass_center: (rotor.blade_mass > 0.0)
+            .then(|| rotor.blade_first_moment / (rotor.blade_mass * radius)),
     }
 }
 

@@ -10,12 +10,15 @@
 use crate::numerics::interpolation::{CubicHermite, Ends};
 use crate::numerics::quadrature::gauss_legendre;
 use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
-use crate::problem::{self, Wash, WingModel};
+use crate::problem::{self, FlowAngle, Wash, WingModel};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
 use crate::vehicle::frames::{Matrix3, about_x, about_y, position_body, product};
 use std::f64::consts::PI;
+
+/// Speed at which half of a fuselage's wake is there, m/s: some 10 kt.
+const SHADE_SPEED: f64 = 5.0;
 
 /// Angle of attack, rad, up to which the induced-angle correction is whole,
 /// and beyond which, with the flow separated, it is gone.
@@ -48,6 +51,8 @@ pub struct Wing {
     pub wash: Wash,
     /// Incidence over airspeed, beside the fixed one.
     schedule: Option<CubicHermite>,
+    /// Dynamic pressure in the wake of the fuselage over an angle of the flow.
+    shade: Option<(FlowAngle, CubicHermite)>,
     strips: Vec<Strip>,
     lift: Lift,
     sound_speed: f64,
@@ -150,10 +155,19 @@ impl Wing {
             ),
             None => None,
         };
+        let shade = match &wing.dynamic_pressure {
+            Some(behind) => Some((
+                behind.over,
+                CubicHermite::new(&behind.angle, &behind.ratio, Ends::Flat)
+                    .map_err(|source| VehicleError::Airfoil { of: wing.name.clone(), source })?,
+            )),
+            None => None,
+        };
         Ok(Self {
             name: wing.name.clone(),
             wash: wing.wash,
             schedule,
+            shade,
             strips,
             lift,
             sound_speed: air.sound_speed,
@@ -205,7 +219,29 @@ impl Wing {
             force += strip_force;
             moment += -strip_force.cross_constant(strip.position_body);
         }
+        if let Some(share) = self.shaded(velocity_body) {
+            (force, moment) = (Vec3(force.0.map(|f| f * share)), Vec3(moment.0.map(|m| m * share)));
+        }
         (force, moment)
+    }
+
+    /// What the wake of the fuselage leaves of the loads: the ratio of dynamic
+    /// pressures, and all of it in hover, where there is no such wake and no angle
+    /// of the flow.
+    #[inline(always)]
+    fn shaded<S: Scalar>(&self, velocity_body: Vec3<S>) -> Option<S> {
+        let (over, table) = self.shade.as_ref()?;
+        let [u, v, w] = velocity_body.0;
+        let small = 1e-6;
+        let angle = match over {
+            FlowAngle::Attack => w.atan2(u + small),
+            FlowAngle::Sideslip => v.atan2((u * u + w * w + small * small).sqrt()),
+        };
+        let (ratio, slope) = table.evaluate(angle.value());
+        let ratio = S::chain(ratio, &[slope], &[angle]);
+        let square = u * u + v * v + w * w;
+        let there = square / (square + SHADE_SPEED * SHADE_SPEED);
+        Some((ratio + -1.0) * there + 1.0)
     }
 
     /// Sine and cosine of the incidence that the schedule adds.

@@ -309,7 +309,7 @@ pub(super) fn vehicle(inputs: &Inputs, system: System) -> Section {
             derived.solidity.into(),
             rotor.speed.into(),
             derived.tip_mach.into(),
-            derived.lock_number.into(),
+            derived.lock_number.map_or_else(Cell::empty, Cell::from),
             rotor.tilt.to_degrees().into(),
             rotor.cant.to_degrees().into(),
             match rotor.direction {

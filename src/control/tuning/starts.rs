@@ -27,7 +27,10 @@ pub const DRIFT_GROWTH: f64 = 0.05;
 
 impl TuningProblem<'_> {
     /// Starting gains: for each speed the first of a few that stabilises every
-    /// model, scaled from the equivalent delay of the nominal plant.
+    /// model, scaled from the equivalent delay of the nominal plant in each axis;
+    /// where none does, from the longest delay of all axes. Heavy propellers whose
+    /// speed is the control react on the yaw at once, which makes its delay short
+    /// and says nothing of how fast that axis may be.
     pub(super) fn starts(
         &self,
         inversions: &[Inversion],
@@ -38,15 +41,21 @@ impl TuningProblem<'_> {
             .par_iter()
             .map(|(plants, inversion)| {
                 let mut best: Option<(f64, usize, GainSet)> = None;
-                for scale in START_SCALES {
+                let delays = self
+                    .channels
+                    .iter()
+                    .map(|(channel, _)| {
+                        equivalent_delay(&plants[0], inversion, channel.axis(), &self.hardware)
+                    })
+                    .collect::<Result<Vec<f64>, _>>()?;
+                let longest = delays.iter().copied().fold(0.0, f64::max);
+                let tries = [0.0, longest]
+                    .into_iter()
+                    .flat_map(|least| START_SCALES.into_iter().map(move |scale| (least, scale)));
+                for (least, scale) in tries {
                     let mut g = GainSet::default();
-                    for (channel, spec) in &self.channels {
-                        let delay = equivalent_delay(
-                            &plants[0],
-                            inversion,
-                            channel.axis(),
-                            &self.hardware,
-                        )?;
+                    for ((channel, spec), delay) in self.channels.iter().zip(&delays) {
+                        let delay = delay.max(least);
                         g[channel.index()] =
                             start_gains(*channel, delay / scale, spec.integral_ratio);
                     }
