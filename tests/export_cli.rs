@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use coaxdesign::export::{Format, sample, schema};
 use coaxdesign::schedule::Schedule;
+use coaxdesign::units::KNOT;
 use program::{code, command as program, err, out};
 
 /// A directory with the sample as a design; `met` as its requirements.
@@ -201,7 +202,17 @@ fn exports_are_imported_and_used_like_our_own() {
     assert!(err(&done).contains("decoupling"), "{}", err(&done));
     let text = std::fs::read_to_string(home.path().join("hand/schedule.json")).unwrap();
     let schedule = Schedule::from_json(&text).unwrap();
-    assert_eq!(schedule.points[0].gains["roll"].k_p, 2.5);
+    // The base's breakpoints stay, and the one that is new joins them.
+    let base = std::fs::read_to_string(home.path().join("d/schedule.json")).unwrap();
+    let base = Schedule::from_json(&base).unwrap();
+    assert!(err(&done).contains("kept from the base: "), "{}", err(&done));
+    let edited: Vec<f64> =
+        schedule.points.iter().filter(|p| p.gains["roll"].k_p == 2.5).map(|p| p.speed).collect();
+    assert_eq!(edited.len(), 1);
+    assert!((edited[0] - 20.0 * KNOT).abs() < 1e-3);
+    for point in &base.points {
+        assert!(schedule.points.iter().any(|p| p.speed == point.speed));
+    }
     // Nothing is replaced unasked.
     let again = program(home.path(), "import hand.csv --base d -o hand");
     assert_eq!(code(&again), 3);

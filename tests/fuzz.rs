@@ -11,10 +11,18 @@ use std::time::Instant;
 use coaxdesign::control::spec;
 use coaxdesign::export::import::{Breakpoints, Source, import};
 use coaxdesign::export::{Description, Format, Options, Precision, export, sample};
+use coaxdesign::linear::StateSpace;
+use coaxdesign::linear::io::{set_to_json, set_to_mat};
+use coaxdesign::linear::set::{ModelSet, TrimValues};
+use coaxdesign::lti;
+use coaxdesign::lti::mapping::Mapping;
+use coaxdesign::lti::stitch::Stitched;
+use coaxdesign::pipeline::Requirements;
+use coaxdesign::pipeline::directory::{DesignInputs, NOTE, Note};
 use coaxdesign::problem::{self, Report, c81, fuselage_table};
 use coaxdesign::schedule::Schedule;
 use coaxdesign::simulate::maneuver;
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::units::{Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseResult, TestRunner};
@@ -368,7 +376,9 @@ fn maneuvers() {
         match maneuver::parse("fuzzed.toml", &text) {
             Err(report) => readable(&report)?,
             Ok(flown) => {
-                finite("manoeuvre", &format!("{flown:?}"))?;
+                // Of texts only the title is free.
+                let numbers = maneuver::Maneuver { title: "title".into(), ..flown.clone() };
+                finite("manoeuvre", &format!("{numbers:?}"))?;
                 let held =
                     maneuver::Held { velocity: [1.0; 3], attitude: [0.1; 2], turn_rate: 0.0 };
                 for k in 0..200 {
@@ -483,6 +493,122 @@ fn imports_of_json() {
 #[test]
 fn imports_of_mat() {
     imports("imports of MAT", Source::Mat, Format::Matlab);
+}
+
+/// Sets of linear models: what reads makes a set of finite models, with which
+/// a continuous one is made or refused.
+fn sets(name: &str, ending: &str, bytes: Vec<u8>) {
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join(format!("set.{ending}"));
+    let mapping = Mapping::default();
+    let answer = |bytes: &[u8]| -> TestCaseResult {
+        std::fs::write(&path, bytes).unwrap();
+        match lti::load(&path, &mapping) {
+            Err(report) => readable(&report)?,
+            Ok(set) => {
+                for point in &set.models {
+                    let m = &point.model;
+                    for matrix in [m.a(), m.b(), m.c(), m.d()] {
+                        prop_assert!(matrix.iter().all(|value| value.is_finite()));
+                    }
+                    prop_assert!(point.speed.is_finite());
+                }
+                if let Ok(whole) = Stitched::new(&set, mapping.inertia) {
+                    let [low, high] = whole.speed_range();
+                    if let Ok(between) = whole.at(0.5 * (low + high)) {
+                        prop_assert!(between.model.a().iter().all(|value| value.is_finite()));
+                    }
+                }
+            }
+        }
+        Ok(())
+    };
+    if ending == "mat" {
+        let length = bytes.len();
+        let changes = prop::collection::vec((0..length, any::<u8>()), 1..12);
+        fuzz(name, &(changes, 0..length), |(changes, cut)| {
+            let mut damaged = bytes.clone();
+            for (at, with) in changes {
+                damaged[at] = with;
+            }
+            if cut % 8 == 0 {
+                damaged.truncate(cut);
+            }
+            answer(&damaged)
+        });
+    } else {
+        let text = String::from_utf8(bytes).unwrap();
+        fuzz(name, &damaged(vec![text]), |text| answer(text.as_bytes()));
+    }
+}
+
+/// The example as a set of our own, with trims.
+fn own_set() -> ModelSet {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/models/uh60a");
+    let set = lti::load(&path, &Mapping::default()).unwrap();
+    let trims = set.models.iter().map(|m| {
+        let t = &m.trim;
+        let [u, v, w] = t.velocity_body;
+        TrimValues {
+            states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
+            inputs: t.sticks.to_vec(),
+        }
+    });
+    let models = set.models.iter().map(|m| {
+        let m = &m.model;
+        let (states, inputs) = (m.states().to_vec(), m.inputs().to_vec());
+        StateSpace::with_state_outputs(states, inputs, m.a().clone(), m.b().clone()).unwrap()
+    });
+    ModelSet::new(None, set.speeds(), models.collect())
+        .and_then(|own| own.with_trims(trims.collect()))
+        .unwrap()
+}
+
+#[test]
+fn sets_in_json() {
+    sets("sets of models in JSON", "json", set_to_json(&own_set(), System::Us).into_bytes());
+}
+
+#[test]
+fn sets_in_csv() {
+    let text = include_bytes!("../examples/models/uh60a/040kt.csv");
+    sets("sets of models in CSV", "csv", text.to_vec());
+}
+
+#[test]
+fn sets_in_mat() {
+    sets("sets of models in MAT", "mat", set_to_mat(&own_set(), System::Si));
+}
+
+/// The note of a design, which names the files that it is made of: nothing
+/// outside its directory is read.
+#[test]
+fn notes_of_designs() {
+    let home = tempfile::tempdir().unwrap();
+    let aircraft = problem::builtin().unwrap();
+    let requirements = Requirements::builtin().unwrap();
+    let note = Note::new(&aircraft, &requirements);
+    for (name, bytes) in note.files(&aircraft, &requirements) {
+        let path = home.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    let path = home.path().join(NOTE);
+    fuzz("notes of designs", &damaged(vec![note.to_json().unwrap()]), |text| {
+        std::fs::write(&path, &text).unwrap();
+        match DesignInputs::read(home.path()) {
+            Err(error) => {
+                let error = error.to_string();
+                prop_assert!(!error.is_empty() && !error.contains('\x1b'), "{:?}", error);
+            }
+            Ok(inputs) => {
+                let inputs = inputs.unwrap();
+                let hash = coaxdesign::pipeline::problem_hash(&inputs.aircraft);
+                prop_assert_eq!(hash, inputs.note.aircraft.problem.hash);
+            }
+        }
+        Ok(())
+    });
 }
 
 #[test]

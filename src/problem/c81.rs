@@ -434,6 +434,15 @@ fn grid(
             "Mach numbers must increase strictly from zero or above",
         ));
     }
+    if let Some(pair) = mach.windows(2).find(|pair| pair[1] - pair[0] < LEAST_MACH_STEP) {
+        return Err(lines.fault(
+            format!("the Mach numbers {} and {} of the {name} table are one", pair[0], pair[1]),
+            format!(
+                "Mach numbers lie at least {LEAST_MACH_STEP} apart: the slope between nearer ones \
+                 means nothing"
+            ),
+        ));
+    }
     let mut degrees: Vec<f64> = Vec::with_capacity(angles);
     let mut value = Vec::with_capacity(angles * machs);
     for index in 0..angles {
@@ -452,15 +461,15 @@ fn grid(
         }
         let ordered = match degrees.last() {
             None => angle == -180.0,
-            Some(last) => angle > *last,
+            Some(last) => angle - last >= LEAST_ANGLE_STEP,
         };
         if !ordered {
             return Err(TableError {
                 line: first,
                 message: format!("the angle {angle} is out of order in the {name} table"),
                 help: format!(
-                    "angles must begin at -180, increase strictly, and end at 180; line {header} \
-                     says how many there are"
+                    "angles must begin at -180, increase by at least {LEAST_ANGLE_STEP} deg, and \
+                     end at 180; line {header} says how many there are"
                 ),
             });
         }
@@ -497,6 +506,10 @@ fn grid(
 /// Coefficient beyond which a table is taken to be broken: surfaces through
 /// larger values overflow, and no section comes near.
 const LARGEST_COEFFICIENT: f64 = 1000.0;
+/// Least step of Mach numbers: slopes over smaller ones overflow.
+const LEAST_MACH_STEP: f64 = 1e-3;
+/// Least step of angles, deg.
+const LEAST_ANGLE_STEP: f64 = 1e-3;
 /// Mach number beyond which a table is taken to be broken.
 const LARGEST_MACH: f64 = 10.0;
 /// Largest lift coefficient of a section with every flap there is.

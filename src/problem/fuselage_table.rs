@@ -96,6 +96,12 @@ pub fn read(text: &str) -> Result<Read<FuselageTable>, TableError> {
     };
     let (angle_of_attack, sideslip) = (axis(0), axis(1));
     let last = rows.iter().map(|(_, line)| *line).max().unwrap_or(1);
+    for angles in [&angle_of_attack, &sideslip] {
+        if let Some(pair) = angles.windows(2).find(|pair| pair[1] - pair[0] < LEAST_STEP) {
+            let [low, high] = [pair[0] / DEGREE, pair[1] / DEGREE];
+            return Err(fault(last, format!("the angles {low} and {high} deg are one")));
+        }
+    }
     if angle_of_attack.len() < 2 || sideslip.len() < 2 {
         return Err(fault(last, "fewer than two angles of attack or of sideslip".into()));
     }
@@ -119,6 +125,8 @@ pub fn read(text: &str) -> Result<Read<FuselageTable>, TableError> {
     Ok(Read { table, remarks })
 }
 
+/// Least step of angles, rad: slopes over smaller ones mean nothing.
+const LEAST_STEP: f64 = 1e-3 * DEGREE;
 /// Largest force per dynamic pressure, ft²: that of equivalent flat plates.
 const LARGEST_AREA: f64 = 10_000.0;
 /// Largest moment per dynamic pressure, ft³: that area on an arm of 100 ft.
