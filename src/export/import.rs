@@ -633,7 +633,7 @@ fn complete(
     if partial.speeds.is_empty() && (base.is_none() || breakpoints == Breakpoints::File) {
         return Err(ImportError::Form("there is no speed in the file".into()));
     }
-    if let Some(speed) = partial.speeds.iter().find(|v| !(**v >= 0.0)) {
+    if let Some(speed) = partial.speeds.iter().find(|v| v.is_nan() || **v < 0.0) {
         return Err(ImportError::Speed {
             text: format!("{speed} m/s"),
             reason: "breakpoints are true airspeeds forward, 0 or more".into(),
