@@ -49,7 +49,7 @@ int main(int argc, char **argv)
         law_real sticks[4];
         if (strcmp(argv[1], "engage") == 0) {
             /* Switched on at what is flown, the law starts with these sticks. */
-            const law_real given[4] = { 5, -4, 45, 3 };
+            const law_real given[4] = { 5, 4, 45, 3 };
             law_demand stay = d;
             stay.mode = LAW_ATTITUDE;
             stay.horizontal[0] = m.roll;

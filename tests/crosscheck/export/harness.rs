@@ -53,7 +53,7 @@ fn main() {
         };
         if mode == "engage" {
             // Switched on at what is flown, the law starts with these sticks.
-            let given = [5.0, -4.0, 45.0, 3.0];
+            let given = [5.0, 4.0, 45.0, 3.0];
             let horizontal = Horizontal::Attitude { roll: m.roll, pitch: m.pitch };
             let stay = Demand { horizontal, heading_rate: 0.0, vertical_velocity: 0.0 };
             law.engage::<Std>(&m, &stay, given).unwrap();
