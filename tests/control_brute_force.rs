@@ -4,6 +4,7 @@ use coaxdesign::control::axis::Channel;
 use coaxdesign::control::law::{LawPoint, LawTable, TurnCoordination};
 use coaxdesign::control::loops::{ChannelLoops, Cut, GainGrid, LawSettings, LoopModel};
 use coaxdesign::control::metrics::{self, Sampled};
+use coaxdesign::control::plant::ModelSet;
 use coaxdesign::control::testbed;
 use coaxdesign::control::tuning::{
     ChannelSpec, Targets, Tuning, TuningOptions, TuningProblem, default_grid,
@@ -205,6 +206,20 @@ fn pole_placements(l: &ChannelLoops, spec: &ChannelSpec, reference: &[f64]) -> f
     best
 }
 
+/// The channels tuned for a set of models with nothing beside it.
+fn tuned_alone(set: &ModelSet, specs: &[(Channel, ChannelSpec)], back_off: f64) -> Tuning {
+    let problem = TuningProblem {
+        set,
+        between: Vec::new(),
+        hardware: testbed::HARDWARE,
+        settings: SETTINGS,
+        turn: TURN,
+        channels: specs.to_vec(),
+        options: without_back_off(back_off),
+    };
+    problem.tune(None).unwrap()
+}
+
 /// On four cases the tuned gains meet the exact metrics and need at most 3 %
 /// more activity than the best of 10 000 candidates of a global search.
 #[test]
@@ -214,16 +229,7 @@ fn val_tuning_is_within_three_percent_of_a_global_search() {
     {
         let set = testbed::model_set(&[speed_kt], false);
         let specs = specs();
-        let problem = TuningProblem {
-            set: &set,
-            between: Vec::new(),
-            hardware: testbed::HARDWARE,
-            settings: SETTINGS,
-            turn: TURN,
-            channels: specs.clone(),
-            options: without_back_off(0.02),
-        };
-        let tuned = problem.tune(None).unwrap();
+        let tuned = tuned_alone(&set, &specs, 0.02);
         let grid = judging_grid(500);
         let law = GainGrid::new(&table(&tuned), tuned.speeds[0], grid);
         let model = LoopModel::new(&set.plants[0][0], &law, testbed::HARDWARE, 0.0).unwrap();
@@ -255,16 +261,7 @@ fn tuning_beats_a_thousand_pole_placements_everywhere() {
     let (mut compared, mut lost) = (0, Vec::new());
     for speed in (0..10).map(|k| 8.5 * f64::from(k)) {
         let set = testbed::model_set(&[speed], false);
-        let problem = TuningProblem {
-            set: &set,
-            between: Vec::new(),
-            hardware: testbed::HARDWARE,
-            settings: SETTINGS,
-            turn: TURN,
-            channels: specs.clone(),
-            options: without_back_off(0.0),
-        };
-        let tuned = problem.tune(None).unwrap();
+        let tuned = tuned_alone(&set, &specs, 0.0);
         let law = GainGrid::new(&table(&tuned), tuned.speeds[0], grid.clone());
         let model = LoopModel::new(&set.plants[0][0], &law, testbed::HARDWARE, 0.0).unwrap();
         for (channel, spec) in &specs {

@@ -6,14 +6,15 @@
 //! test --test fuzz -- --nocapture` tries new ones for ten minutes each and says
 //! how many.
 
+#[path = "common/sets.rs"]
+mod sets;
+
 use std::time::Instant;
 
 use coaxdesign::control::spec;
 use coaxdesign::export::import::{Breakpoints, Source, import};
 use coaxdesign::export::{Description, Format, Options, Precision, export, sample};
-use coaxdesign::linear::StateSpace;
 use coaxdesign::linear::io::{set_to_json, set_to_mat};
-use coaxdesign::linear::set::{ModelSet, TrimValues};
 use coaxdesign::lti;
 use coaxdesign::lti::mapping::Mapping;
 use coaxdesign::lti::stitch::Stitched;
@@ -450,20 +451,7 @@ fn imports(name: &str, source: Source, format: Format) {
         Ok(())
     };
     if source == Source::Mat {
-        let bytes = file.bytes;
-        let length = bytes.len();
-        let changes = prop::collection::vec((0..length, any::<u8>()), 1..12);
-        fuzz(name, &(changes, 0..length), |(changes, cut)| {
-            let mut damaged = bytes.clone();
-            for (at, with) in changes {
-                damaged[at] = with;
-            }
-            // One in eight is cut short.
-            if cut % 8 == 0 {
-                damaged.truncate(cut);
-            }
-            answer(&damaged)
-        });
+        fuzz_bytes(name, &file.bytes, answer);
         return;
     }
     let text = String::from_utf8(file.bytes).unwrap();
@@ -495,9 +483,25 @@ fn imports_of_mat() {
     imports("imports of MAT", Source::Mat, Format::Matlab);
 }
 
+/// A binary file with some bytes changed, and one in eight cut short.
+fn fuzz_bytes(name: &str, bytes: &[u8], answer: impl Fn(&[u8]) -> TestCaseResult) {
+    let length = bytes.len();
+    let changes = prop::collection::vec((0..length, any::<u8>()), 1..12);
+    fuzz(name, &(changes, 0..length), |(changes, cut)| {
+        let mut damaged = bytes.to_vec();
+        for (at, with) in changes {
+            damaged[at] = with;
+        }
+        if cut % 8 == 0 {
+            damaged.truncate(cut);
+        }
+        answer(&damaged)
+    });
+}
+
 /// Sets of linear models: what reads makes a set of finite models, with which
 /// a continuous one is made or refused.
-fn sets(name: &str, ending: &str, bytes: Vec<u8>) {
+fn sets_of(name: &str, ending: &str, bytes: Vec<u8>) {
     let home = tempfile::tempdir().unwrap();
     let path = home.path().join(format!("set.{ending}"));
     let mapping = Mapping::default();
@@ -524,60 +528,31 @@ fn sets(name: &str, ending: &str, bytes: Vec<u8>) {
         Ok(())
     };
     if ending == "mat" {
-        let length = bytes.len();
-        let changes = prop::collection::vec((0..length, any::<u8>()), 1..12);
-        fuzz(name, &(changes, 0..length), |(changes, cut)| {
-            let mut damaged = bytes.clone();
-            for (at, with) in changes {
-                damaged[at] = with;
-            }
-            if cut % 8 == 0 {
-                damaged.truncate(cut);
-            }
-            answer(&damaged)
-        });
+        fuzz_bytes(name, &bytes, answer);
     } else {
         let text = String::from_utf8(bytes).unwrap();
         fuzz(name, &damaged(vec![text]), |text| answer(text.as_bytes()));
     }
 }
 
-/// The example as a set of our own, with trims.
-fn own_set() -> ModelSet {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/models/uh60a");
-    let set = lti::load(&path, &Mapping::default()).unwrap();
-    let trims = set.models.iter().map(|m| {
-        let t = &m.trim;
-        let [u, v, w] = t.velocity_body;
-        TrimValues {
-            states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
-            inputs: t.sticks.to_vec(),
-        }
-    });
-    let models = set.models.iter().map(|m| {
-        let m = &m.model;
-        let (states, inputs) = (m.states().to_vec(), m.inputs().to_vec());
-        StateSpace::with_state_outputs(states, inputs, m.a().clone(), m.b().clone()).unwrap()
-    });
-    ModelSet::new(None, set.speeds(), models.collect())
-        .and_then(|own| own.with_trims(trims.collect()))
-        .unwrap()
-}
-
 #[test]
 fn sets_in_json() {
-    sets("sets of models in JSON", "json", set_to_json(&own_set(), System::Us).into_bytes());
+    sets_of(
+        "sets of models in JSON",
+        "json",
+        set_to_json(&sets::own_set(), System::Us).into_bytes(),
+    );
 }
 
 #[test]
 fn sets_in_csv() {
     let text = include_bytes!("../examples/models/uh60a/040kt.csv");
-    sets("sets of models in CSV", "csv", text.to_vec());
+    sets_of("sets of models in CSV", "csv", text.to_vec());
 }
 
 #[test]
 fn sets_in_mat() {
-    sets("sets of models in MAT", "mat", set_to_mat(&own_set(), System::Si));
+    sets_of("sets of models in MAT", "mat", set_to_mat(&sets::own_set(), System::Si));
 }
 
 /// The note of a design, which names the files that it is made of: nothing

@@ -392,7 +392,7 @@ fn without_hold(table: &LawTable, channel: Channel) -> LawTable {
 
 /// Every margin and rejection of the kept design's verification is that of the
 /// loops that its compiled export closes around the same aircraft: all channels
-/// at the speeds at which tuning once knew less than flight. The
+/// in hover and at the speeds at which tuning once knew less than flight. The
 /// outer loops meet what is asked of them there.
 #[test]
 fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
@@ -402,7 +402,8 @@ fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
     let mut spec = spec::builtin().unwrap_or_else(|r| panic!("{r}"));
     spec.models.truncate(1);
     let problem = builtin_named("coax2d").unwrap_or_else(|r| panic!("{r}")).problem;
-    let speeds = [25.0, 50.0, 80.0, 90.0].map(|kt| kt * KNOT);
+    // Breakpoints, and beside three of them: there the tables have one slope.
+    let speeds = [0.0, 10.0, 25.0, 50.0, 52.5, 77.5, 80.0, 87.5, 90.0].map(|kt| kt * KNOT);
     let built = build(&problem, &spec.models, &speeds, &|| ()).unwrap_or_else(|e| panic!("{e}"));
     let found = verify(&table, &built.set, &spec.hardware, &spec).unwrap();
     let step = 1e-4;
@@ -484,8 +485,8 @@ fn val_verification_of_the_kept_design_is_that_of_its_exported_c() {
             compared += 1;
         }
     }
-    // Four inner axes and vx everywhere; vy has the whole bank at the first.
-    assert_eq!(compared, 4 * 5 + 1);
+    // Four inner axes and vx everywhere; vy has the whole bank at the first three.
+    assert_eq!(compared, 9 * 5 + 3);
     let fading: Vec<&str> = found.not_required.iter().map(|n| n.axis.as_str()).collect();
-    assert_eq!(fading, ["vy"]);
+    assert!(!fading.is_empty() && fading.iter().all(|axis| *axis == "vy"), "{fading:?}");
 }

@@ -1,25 +1,20 @@
 //! Linear models from elsewhere: reading, checking, stitching, plants.
 
+#[path = "common/sets.rs"]
+mod sets;
+
 use coaxdesign::control::models::from_set;
 use coaxdesign::control::spec;
 use coaxdesign::linear::dense::eigenvalues;
 use coaxdesign::linear::io::ModelRecord;
 use coaxdesign::linear::io::{MatFile, set_to_json, set_to_mat, to_csv};
-use coaxdesign::linear::set::{ModelSet, TrimValues};
 use coaxdesign::lti::mapping::{Mapping, MissingTrim};
 use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::lti::{LtiSet, load};
 use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{KNOT, System};
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/models").join(name)
-}
-
-fn uh60a() -> LtiSet {
-    load(&example("uh60a"), &Mapping::default()).unwrap_or_else(|r| panic!("{r}"))
-}
+use sets::{example, own_set, uh60a};
+use std::path::Path;
 
 fn level_flight() -> Mapping {
     Mapping { missing_trim: MissingTrim::LevelFlight, ..Mapping::default() }
@@ -272,33 +267,6 @@ fn wrong_sets_are_refused_in_the_users_terms() {
     // Nothing there.
     let report = load(Path::new("no-such-set"), &Mapping::default()).unwrap_err();
     assert!(report.unreadable);
-}
-
-/// The example as a set of our own, with trims.
-fn own_set() -> ModelSet {
-    let set = uh60a();
-    let trims = set.models.iter().map(|m| {
-        let t = &m.trim;
-        let [u, v, w] = t.velocity_body;
-        TrimValues {
-            states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
-            inputs: t.sticks.to_vec(),
-        }
-    });
-    let models = set.models.iter().map(|m| {
-        // As `linearize` writes it: outputs are the states.
-        let m = &m.model;
-        coaxdesign::linear::StateSpace::with_state_outputs(
-            m.states().to_vec(),
-            m.inputs().to_vec(),
-            m.a().clone(),
-            m.b().clone(),
-        )
-        .unwrap()
-    });
-    ModelSet::new(None, set.speeds(), models.collect())
-        .and_then(|own| own.with_trims(trims.collect()))
-        .unwrap()
 }
 
 fn near(found: &LtiSet, wanted: &LtiSet) {

@@ -9,7 +9,7 @@ use coaxdesign::trim::stand::{Flow, Load, Stand, StandPoint};
 use coaxdesign::trim::{FlightCondition, Options, trim_at};
 use coaxdesign::vehicle::Vehicle;
 use coaxdesign::vehicle::inflow::FlowState;
-use common::problem;
+use common::{analytic, problem};
 use std::f64::consts::SQRT_2;
 
 const STILL: Flow = Flow { edgewise: 0.0, axial: 0.0 };
@@ -34,16 +34,6 @@ fn plain(radius: f64, chord: f64, blades: usize, tip_speed: f64, airfoil: Airfoi
     rotor.elements = 40;
     rotor.governor = None;
     p
-}
-
-fn analytic(lift_slope: f64, drag: f64) -> Airfoil {
-    Airfoil::Analytic {
-        lift_slope,
-        zero_lift_angle: 0.0,
-        drag,
-        polar: Polar::default(),
-        small_angles: false,
-    }
 }
 
 fn trimmed(stand: &Stand, load: Load, flow: Flow) -> StandPoint {
