@@ -107,9 +107,9 @@ impl Plan {
     }
 }
 
-/// Speeds of trim curves up to the highest of a specification, some twelve of
+/// Speeds of trim curves up to the highest of a specification or schedule, m/s, some twelve of
 /// them or more.
-fn default_speeds(highest: f64) -> String {
+pub(super) fn default_speeds(highest: f64) -> String {
     let top = Kind::Airspeed.from_si(highest, System::Us);
     let steps = [5.0, 2.0, 1.0, 0.5, 0.2, 0.1];
     let step = steps.into_iter().find(|step| top / step > 12.0 - 1e-9).unwrap_or(0.1);

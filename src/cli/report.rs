@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::args::{RunArgs, UnitsArgs};
+use super::design::default_speeds;
 use super::designs::{Opened, SourceArgs, directory_of};
 use super::{CliError, Outcome, output};
 use coaxdesign::control::law::LawTable;
@@ -37,9 +38,10 @@ pub struct Report {
     /// Replace a page that is already there
     #[arg(long)]
     force: bool,
-    /// True airspeeds of the trim curves: FIRST:LAST:STEP with a unit, or a list
-    #[arg(long, value_name = "SPEEDS", default_value = "0:90:5kt")]
-    speeds: String,
+    /// True airspeeds of the trim curves: FIRST:LAST:STEP with a unit, or a list [default: from 0
+    /// to the schedule's highest]
+    #[arg(long, value_name = "SPEEDS")]
+    speeds: Option<String>,
     #[command(flatten)]
     units: UnitsArgs,
     #[command(flatten)]
@@ -60,7 +62,9 @@ impl Report {
             _ => None,
         };
         let inputs = Inputs::find(&self.design, &self.sources, true)?;
-        let html = page(&inputs, &self.speeds, self.units, self.run.quiet)?;
+        let highest = inputs.schedule.points.iter().map(|p| p.speed).fold(0.0, f64::max);
+        let speeds = self.speeds.unwrap_or_else(|| default_speeds(highest));
+        let html = page(&inputs, &speeds, self.units, self.run.quiet)?;
         output::write_whole(&path, html.as_bytes(), self.force)?;
         if !self.run.quiet {
             output::note(&format!("Wrote {}.\n", path.display()));
@@ -127,14 +131,14 @@ pub(super) fn page(
         .section(sections::trim(inputs, &study, system))
         .section(sections::revolution(&study, system))
         .section(sections::modes(inputs, &study)?)
-        .section(sections::responses(&study, system)?)
+        .section(sections::responses(inputs, &study, system)?)
         .section(sections::law(inputs, system))
         .section(sections::gains(inputs, &study, system)?);
     if let Some(section) = sections::verification(inputs, &study, system)? {
         page = page.section(section);
     }
     if !inputs.flights.is_empty() {
-        page = page.section(maneuvers::section(&inputs.flights, system));
+        page = page.section(maneuvers::section(&inputs.loaded.problem, &inputs.flights, system));
     }
     Ok(page.section(sections::provenance(inputs)).to_html())
 }

@@ -286,22 +286,30 @@ fn figure(title: &str, points: &[StandPoint]) -> Figure {
     let loading = list(&|p| p.blade_loading);
     let x = || Axis::linear("C_{T}/σ", "");
     let line = |name: &str, values: Vec<f64>| Series::new(name, &loading, &values).marks();
+    // One line in a panel is named by its axis.
+    let alone = |values: Vec<f64>| line("", values);
     let mut figure = Figure::new(title)
         .columns(3)
         .panel(
             Panel::new(x(), Axis::linear("C_{P}", ""))
                 .line(line("power", list(&|p| p.power_coefficient)))
-                .line(line("profile", list(&|p| p.power_coefficient * p.profile_power / p.power)))
-                .line(line("induced", list(&|p| p.power_coefficient * p.induced_power / p.power))),
+                .line(
+                    line("profile", list(&|p| p.power_coefficient * p.profile_power / p.power))
+                        .style(1),
+                )
+                .line(
+                    line("induced", list(&|p| p.power_coefficient * p.induced_power / p.power))
+                        .style(2),
+                ),
         )
         .panel(
             Panel::new(x(), Axis::linear("collective", "deg"))
-                .line(line("collective", list(&|p| p.pitch[0].to_degrees()))),
+                .line(alone(list(&|p| p.pitch[0].to_degrees()))),
         );
     if good.iter().any(|p| p.figure_of_merit.is_some()) {
         figure = figure.panel(
             Panel::new(x(), Axis::linear("figure of merit", ""))
-                .line(line("figure of merit", list(&|p| p.figure_of_merit.unwrap_or(f64::NAN)))),
+                .line(alone(list(&|p| p.figure_of_merit.unwrap_or(f64::NAN)))),
         );
     }
     figure

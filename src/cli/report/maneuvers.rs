@@ -5,8 +5,10 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::sections::printed;
 use crate::cli::CliError;
 use crate::cli::tune::usage;
+use coaxdesign::problem::Problem;
 use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
 use coaxdesign::report::html::Section;
 use coaxdesign::report::plot::{Figure, Legend};
@@ -135,8 +137,11 @@ pub(super) fn read(directory: &Path, schedule: &Schedule) -> Result<Vec<Flown>, 
         .collect()
 }
 
+/// Begin of the file of the manoeuvre that the paper on the CoAX 2D shows.
+const PUBLISHED: &str = "accel-climb-turn";
+
 /// A section of time histories and errors.
-pub(super) fn section(flights: &[Flown], system: System) -> Section {
+pub(super) fn section(problem: &Problem, flights: &[Flown], system: System) -> Section {
     let mut section = Section::new("Manoeuvres").paragraph(
         "Flown with the full nonlinear vehicle under the schedule, sensors and actuators \
          included.",
@@ -166,8 +171,14 @@ pub(super) fn section(flights: &[Flown], system: System) -> Section {
                 figure(&record.maneuver, history, system),
                 &format!(
                     "{} ({}): what was flown, the reference that the law followed, and the \
-                     command. Compare with Fig. 17 of the reference paper.",
-                    record.maneuver, flight.file
+                     command.{}",
+                    record.maneuver,
+                    flight.file,
+                    if flight.file.starts_with(PUBLISHED) {
+                        printed(problem, "Fig. 17")
+                    } else {
+                        String::new()
+                    }
                 ),
             );
         }

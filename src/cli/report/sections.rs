@@ -400,16 +400,25 @@ fn surface(wing: &Wing, system: System) -> SurfaceView {
 // ---------------------------------------------------------------------------
 // Trim
 
+/// Where a publication shows the same, for an aircraft that says so.
+pub(super) fn printed(problem: &Problem, figures: &str) -> String {
+    if problem.reference == Some(Reference::Coax2dPaper) {
+        format!(" Compare with {figures} of the reference paper.")
+    } else {
+        String::new()
+    }
+}
+
 /// Trim curves, and the hover beside published values.
 pub(super) fn trim(inputs: &Inputs, study: &Study, system: System) -> Section {
     let problem = &inputs.loaded.problem;
     let caption = if study.sweeps.len() > 1 {
         "Trimmed level flight over true airspeed, with and without rotor-on-rotor interactions: \
-         attitudes, sticks, power, and how the rotors share the thrust. Compare with Figs. 13 and \
-         14 of the reference paper."
+         attitudes, sticks, power, and how the rotors share the thrust."
     } else {
         "Trimmed level flight over true airspeed: attitudes, sticks and power."
     };
+    let caption = &format!("{caption}{}", printed(problem, "Figs. 13 and 14"));
     let mut section =
         Section::new("Trim").figure(trim_curves(problem, &study.sweeps, system), caption);
     let failed = failures(&study.sweeps);
@@ -476,7 +485,7 @@ pub(super) fn revolution(study: &Study, system: System) -> Section {
         section = section.figure(
             orbit(revolution, names, &speed, system),
             &format!(
-                "The periodic orbit at {speed}: teeter angle of the first blade, thrust, force on \
+                "The periodic orbit at {speed}: flap angle of the first blade, thrust, force on \
                  the hub across the shaft (hub frame, forward, less its mean), and acceleration at \
                  the centre of gravity less its mean. Each rotor in its own hub frame."
             ),
@@ -527,7 +536,7 @@ fn orbit(revolution: &Revolution, names: &[String], speed: &str, system: System)
         &format!("One revolution at {speed}"),
         &[
             panel(
-                "teeter angle",
+                "flap angle",
                 "deg",
                 0.1,
                 curves(&|o, k| o.rotors[k].teeter_angle.to_degrees(), false),
@@ -619,9 +628,11 @@ pub(super) fn modes(inputs: &Inputs, study: &Study) -> Result<Section, CliError>
     Ok(section
         .figure(
             plane("Eigenvalues of the residualised hover models", &sets),
-            "Eigenvalues of the averaged model, residualised to the rigid body, with and without \
-             rotor-on-rotor interactions. Compare with Fig. 15 of the reference paper; right of \
-             the imaginary axis, motion grows.",
+            &format!(
+                "Eigenvalues of the averaged model, residualised to the rigid body, with and \
+                 without rotor-on-rotor interactions. Right of the imaginary axis, motion grows.{}",
+                printed(&inputs.loaded.problem, "Fig. 15")
+            ),
         )
         .folded("Modes with damping, frequency and states", table))
 }
@@ -673,7 +684,11 @@ fn mode_cells(model: &str, mode: &Mode) -> Vec<Cell> {
 }
 
 /// On-axis frequency responses of the full-order hover models.
-pub(super) fn responses(study: &Study, system: System) -> Result<Section, CliError> {
+pub(super) fn responses(
+    inputs: &Inputs,
+    study: &Study,
+    system: System,
+) -> Result<Section, CliError> {
     let section = Section::new("Frequency responses in hover");
     let Some(first) = study.hover.first() else {
         return Ok(section.paragraph("The vehicle does not trim in hover."));
@@ -718,8 +733,10 @@ pub(super) fn responses(study: &Study, system: System) -> Result<Section, CliErr
         let names: Vec<&str> = pair.iter().map(|c| c.title.as_str()).collect();
         section.figure(
             bode_figure(&names.join(", "), pair),
-            "On-axis responses of the full-order, averaged models. Compare with Fig. 16 of the \
-             reference paper.",
+            &format!(
+                "On-axis responses of the full-order, averaged models.{}",
+                printed(&inputs.loaded.problem, "Fig. 16")
+            ),
         )
     }))
 }
@@ -767,18 +784,18 @@ pub(super) fn law(inputs: &Inputs, system: System) -> Section {
         .diagram(
             closed_loop(&labels),
             "The closed loop: sticks are in percent, V is true airspeed. After Fig. 10 of the \
-             reference paper.",
+             paper on the CoAX 2D.",
         )
         .diagram(
             outer_loop(&labels),
             "The outer loop: translational rate command, passing over to coordinated turns. After \
-             Fig. 11 of the reference paper.",
+             Fig. 11 of the paper on the CoAX 2D.",
         )
         .diagram(
             inner_loop(&labels),
             "The inner loop: attitude command in roll and pitch, rate command in yaw and heave. \
              Commands go through the exact inverse, feedback through an allocation of its own, \
-             with a share κ of the velocity feedback. After Fig. 12.",
+             with a share κ of the velocity feedback. After Fig. 12 of that paper.",
         )
 }
 
