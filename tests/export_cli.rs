@@ -5,7 +5,7 @@ mod program;
 
 use std::path::{Path, PathBuf};
 
-use coaxdesign::export::{Format, sample, schema};
+use coaxdesign::export::{Format, sample};
 use coaxdesign::schedule::Schedule;
 use coaxdesign::units::KNOT;
 use program::{code, command as program, err, out};
@@ -216,16 +216,4 @@ fn exports_are_imported_and_used_like_our_own() {
     // Nothing is replaced unasked.
     let again = program(home.path(), "import hand.csv --base d -o hand");
     assert_eq!(code(&again), 3);
-}
-
-/// The published schemas are those that the program writes.
-#[test]
-fn published_schemas_are_up_to_date() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
-    for (name, text) in schema::files() {
-        let published = std::fs::read_to_string(folder.join(name)).unwrap_or_default();
-        assert!(published == text, "write docs/schemas/{name} anew with `coaxdesign schema --of`");
-    }
-    let done = program(Path::new("."), "schema --of schedule");
-    assert_eq!(out(&done), schema::files()[0].1);
 }

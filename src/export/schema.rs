@@ -290,12 +290,3 @@ pub fn law_schema() -> Value {
     );
     document("coaxdesign control law", schema)
 }
-
-/// Both schemas as files of `docs/schemas`.
-pub fn files() -> [(&'static str, String); 2] {
-    let pretty = |v: &Value| serde_json::to_string_pretty(v).unwrap_or_default() + "\n";
-    [
-        ("schedule.schema.json", pretty(&schedule_schema())),
-        ("law.schema.json", pretty(&law_schema())),
-    ]
-}

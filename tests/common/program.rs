@@ -3,18 +3,27 @@
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
-use std::path::Path;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::time::{Duration, SystemTime};
 
 use assert_cmd::Command;
+use serde_json::Value as Json;
 
-/// Runs the program in a directory.
+/// Runs the program in a directory. Whatever JSON it leaves must be as its
+/// schema says.
 pub fn program(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+    // Clocks of file systems are coarse.
+    let since = SystemTime::now() - Duration::from_millis(20);
+    let output = Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
         .current_dir(directory)
         .args(arguments)
         .output()
-        .unwrap()
+        .unwrap();
+    check_results(directory, since, &output);
+    output
 }
 
 /// As [`program`], with arguments that hold no blanks in one line.
@@ -35,4 +44,119 @@ pub fn out(output: &Output) -> &str {
 /// Standard error.
 pub fn err(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Checks every JSON result that a run of the program left, on standard output
+/// and in files, against the schema that it names.
+///
+/// # Panics
+/// A result that names no schema, or that its schema refuses.
+fn check_results(directory: &Path, since: SystemTime, output: &Output) {
+    if !matches!(output.status.code(), Some(0 | 1)) {
+        return;
+    }
+    if let Ok(value) = serde_json::from_slice::<Json>(&output.stdout)
+        && value.is_object()
+    {
+        check_result("standard output", &value);
+    }
+    // Only what a test has of its own is walked.
+    if directory.starts_with(std::env::temp_dir()) {
+        for path in written(directory, since) {
+            check_file(&path);
+        }
+    }
+}
+
+/// Files of results that are not older than a time.
+fn written(directory: &Path, since: SystemTime) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![directory.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            // A file may be gone again.
+            let Ok(about) = std::fs::symlink_metadata(&path) else { continue };
+            if about.is_dir() {
+                folders.push(path);
+            } else if about.is_file()
+                && about.modified().is_ok_and(|time| time >= since)
+                && path.extension().is_some_and(|e| e == "json" || e == "jsonl")
+            {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+fn check_file(path: &Path) {
+    // What was hurt on purpose is no JSON.
+    let Ok(text) = std::fs::read_to_string(path) else { return };
+    let name = path.display().to_string();
+    if name.ends_with(".jsonl") {
+        for line in text.lines() {
+            if let Ok(value) = serde_json::from_str(line) {
+                let first = value_key(&value, "schema");
+                check_against(&name, first.as_deref().unwrap_or("run"), &value);
+            }
+        }
+        return;
+    }
+    let Ok(value) = serde_json::from_str::<Json>(&text) else { return };
+    if value.get("$schema").is_some() {
+        return;
+    }
+    match &value {
+        // Models with interactions and without.
+        Json::Array(entries) => entries.iter().for_each(|entry| check_result(&name, entry)),
+        _ => check_result(&name, &value),
+    }
+}
+
+/// `trim` for `coaxdesign.trim/1`.
+fn value_key(value: &Json, key: &str) -> Option<String> {
+    let schema = value.get(key)?.as_str()?;
+    let (name, _) = schema.strip_prefix("coaxdesign.")?.split_once('/')?;
+    Some(name.to_string())
+}
+
+fn check_result(place: &str, value: &Json) {
+    if value.get("$schema").is_some() {
+        return;
+    }
+    let name = match (value_key(value, "schema"), value.get("head")) {
+        (Some(name), _) => name,
+        (None, Some(_)) if value.get("study").is_some() => "study".into(),
+        (None, Some(_)) => "sweep-study".into(),
+        (None, None) => panic!("{place}: a result without a schema: {:.300}", value.to_string()),
+    };
+    check_against(place, &name, value);
+}
+
+thread_local! {
+    static KNOWN: RefCell<HashMap<String, (boon::Schemas, boon::SchemaIndex)>> = RefCell::default();
+}
+
+/// Checks a value against a schema of the program by its name.
+pub fn check_against(place: &str, name: &str, value: &Json) {
+    KNOWN.with_borrow_mut(|known| {
+        let (schemas, index) = known.entry(name.to_string()).or_insert_with(|| {
+            let shown = Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
+                .args(["schema", name])
+                .output()
+                .unwrap();
+            let schema: Json = serde_json::from_slice(&shown.stdout)
+                .unwrap_or_else(|_| panic!("{place}: there is no schema {name}"));
+            let id = schema["$id"].as_str().unwrap().to_string();
+            let mut compiler = boon::Compiler::new();
+            compiler.add_resource(&id, schema).unwrap();
+            let mut schemas = boon::Schemas::new();
+            let index = compiler.compile(&id, &mut schemas).unwrap();
+            (schemas, index)
+        });
+        if let Err(error) = schemas.validate(value, *index) {
+            panic!("{place}: not as the schema {name} says: {error:#}");
+        }
+    });
 }
