@@ -8,7 +8,7 @@ use super::super::modes::plane;
 use super::super::trim::{failures, figure as trim_curves, on_off, published};
 use super::super::tune::{
     authority_text, explanations_text, figures as design_figures, gains_table, left_out_text,
-    not_required_text, rows_table,
+    not_required_texts, rows_table,
 };
 use super::super::version;
 use super::Inputs;
@@ -137,8 +137,8 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
     if drifts > 0 {
         text += &format!(" {drifts} more drift slowly until the outer loops hold them.");
     }
-    for n in &v.not_required {
-        text += &format!(" {}.", not_required_text(n, system));
+    for sentence in not_required_texts(&v.not_required, system) {
+        text += &format!(" {sentence}.");
     }
     if let Some(worst) = least(v.rows.iter()) {
         text += &format!(
