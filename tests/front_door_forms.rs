@@ -129,7 +129,7 @@ fn results_follow_the_units_of_the_problem_file() {
     let missed = command(here, line);
     assert_eq!(code(&missed), 1);
     assert!(err(&missed).contains("no trim") && err(&missed).contains("m/s"), "{}", err(&missed));
-    assert!(us_units(err(&missed)).is_empty(), "{}", err(&missed));
+    assert!(us_units(&err(&missed)).is_empty(), "{}", err(&missed));
     write("bad.toml", "metric");
     let refused = command(here, "trim bad.toml");
     assert_eq!(code(&refused), 2);
