@@ -91,7 +91,7 @@ fn results_of_every_form_are_as_their_schemas_say() {
         ("lti-set", "linearize --speeds 0,20kt --reduce residualize --format json".into()),
         ("ltp", "linearize --model full --format json".into()),
         ("modes", "modes --speed 20kt --interactions both --format json".into()),
-        ("modes", "modes --model full --units si --format json".into()),
+        ("modes", "modes --model floquet --units si --format json".into()),
         ("frequency-response", "bode --units si --format json".into()),
         ("simulation", format!("simulate {design} -m hold.toml --format json")),
         (

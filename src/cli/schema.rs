@@ -84,7 +84,12 @@ impl Name {
     /// The version that results name.
     fn version(self) -> u32 {
         match self {
-            Name::Montecarlo | Name::Study | Name::Run | Name::Design => 2,
+            Name::Montecarlo
+            | Name::Study
+            | Name::Run
+            | Name::Design
+            | Name::Modes
+            | Name::FrequencyResponse => 2,
             _ => 1,
         }
     }

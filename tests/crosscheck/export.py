@@ -732,7 +732,7 @@ def check(program, schedule, scratch):
         return out
 
     vectors = Vectors(export("vectors", "vectors"))
-    schemas = {kind: json.loads(run(program, "schema", "--of", kind)) for kind in ("law", "schedule")}
+    schemas = {kind: json.loads(run(program, "schema", kind)) for kind in ("law", "schedule")}
     import jsonschema
 
     path = pathlib.Path(schedule)

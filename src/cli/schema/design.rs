@@ -142,7 +142,7 @@ fn not_required() -> Json {
         &[
             ("axis", axis()),
             speed(),
-            ("reason", words("why it fades", &["gains", "turn_coordination"])),
+            ("reason", words("why it fades", &["gains", "turn_coordination", "open", "no_speed"])),
             ("share", number("of its attitude that it commands there")),
         ],
         &[],

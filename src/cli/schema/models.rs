@@ -412,23 +412,24 @@ pub(super) fn modes() -> Json {
         ],
         &[],
     );
-    let mut schema = document(
-        "coaxdesign.modes/1",
+    let models = [("models", list("one a state of the interactions", listing))];
+    let mut point = object("A speed.", &models, &[]);
+    speed(&mut point);
+    document(
+        "coaxdesign.modes/2",
         "Eigenvalues or Floquet exponents.",
         &[
             ("name", text("the aircraft or the set of models")),
             ("model", text("which model")),
-            ("models", list("one a state of the interactions", listing)),
+            ("points", list("one a speed", point)),
         ],
         &[],
-    );
-    speed(&mut schema);
-    schema
+    )
 }
 
 /// `coaxdesign.frequency-response/1`.
 pub(super) fn frequency_response() -> Json {
-    let response = object(
+    let mut response = object(
         "A response.",
         &[
             ("interactions", or_null(truth("whether rotors act on one another"))),
@@ -441,8 +442,9 @@ pub(super) fn frequency_response() -> Json {
         ],
         &[],
     );
-    let mut schema = document(
-        "coaxdesign.frequency-response/1",
+    speed(&mut response);
+    document(
+        "coaxdesign.frequency-response/2",
         "Frequency responses of a trim.",
         &[
             ("name", text("the aircraft or the set of models")),
@@ -451,7 +453,5 @@ pub(super) fn frequency_response() -> Json {
             ("responses", list("in the order asked", response)),
         ],
         &[],
-    );
-    speed(&mut schema);
-    schema
+    )
 }
