@@ -102,15 +102,36 @@ fn plots_of_one_model_name_it() {
     specification(d, "\"60 kt\"", &format!("{ROLL}{models}"));
     let o = program(
         d,
-        "tune-gains --spec spec.toml --nominal-only --axis roll -o made --plot --format csv --quiet",
+        "tune-gains --spec spec.toml --nominal-only --axis roll -o made --plots --format csv --quiet",
     );
     assert_eq!(code(&o), 0, "{}{}", out(&o), err(&o));
     let lines: Vec<&str> = out(&o).lines().collect();
-    assert!(lines[0].contains("DRB") && lines.len() == 2, "{}", out(&o));
+    assert!(lines[0].contains("drb_rad_s") && lines.len() == 2, "{}", out(&o));
     let map = std::fs::read_to_string(d.join("made/margins.svg")).unwrap();
     assert!(map.contains("model plain") && !map.contains("all models"));
     for name in ["gains", "sensitivity", "nyquist-roll"] {
         assert!(d.join(format!("made/{name}.svg")).exists(), "{name}");
+    }
+}
+
+/// A range that ends between two breakpoints, and one without a speed: the
+/// design is met, and says where the loops are held to nothing.
+#[test]
+fn ranges_of_outer_loops_are_said() {
+    let home = tempfile::tempdir().unwrap();
+    let d = home.path();
+    let rest = format!(
+        "{ROLL}[axis.pitch]\ndrb = \"0.5 rad/s\"\n[outer.vx]\nspeed_range = [\"0 kt\", \"62 kt\"]\n\
+         [outer.vy]\nspeed_range = [\"0 kt\", \"20 kt\"]\n"
+    );
+    specification(d, "\"60 kt\", \"64 kt\"", &rest);
+    let tune = program(d, "tune-gains --spec spec.toml --quiet");
+    assert_eq!(code(&tune), 0, "{}{}", out(&tune), err(&tune));
+    for said in [
+        "vx at 62 kt is held to no requirement: its gains fade to the next breakpoint",
+        "vy is held to no requirement: no speed that is looked at lies in its range",
+    ] {
+        assert!(out(&tune).contains(said), "no '{said}' in\n{}", out(&tune));
     }
 }
 

@@ -182,6 +182,65 @@ fn regress_loop_outside_its_speed_range_is_left_open() {
     assert_ne!(gains[Channel::Roll.index()], Default::default());
 }
 
+/// Outer loops to 50 kt over breakpoints that have none there, in knots and in
+/// metres a second: they end at the last breakpoint within their range. Between
+/// it and the next they fade, are held to nothing, and the verification says so.
+#[test]
+fn outer_loops_end_at_a_breakpoint_and_the_verification_says_so() {
+    use coaxdesign::control::verify::Fading;
+    use coaxdesign::units::KNOT;
+    let spec = with(|s| {
+        for c in s.channels.iter_mut().filter(|c| !c.channel.is_outer()) {
+            c.spec.phase_reserve = 1.5f64.to_radians();
+        }
+        for c in s.channels.iter_mut().filter(|c| c.channel.is_outer()) {
+            c.spec.speeds = [0.0, 50.0 * KNOT];
+        }
+    });
+    // In knots.
+    for speeds in [[20.0, 40.0, 60.0], [10.0, 20.0, 30.0].map(|v| v / KNOT)] {
+        let (nodes, all) = sets(&speeds);
+        let d = design(&spec, &nodes, &between(&nodes, &all), &[]).unwrap();
+        let v = verify(&d.table, &all, &spec.hardware, &spec).unwrap();
+        let outer: Vec<_> = v.rows.iter().filter(|r| r.axis == "vx").collect();
+        assert_eq!(outer.len(), 3, "two breakpoints and the middle");
+        for row in &outer {
+            assert!(row.speed_m_s <= speeds[1] * KNOT + 1e-9);
+            assert!(row.drb_rad_s.unwrap() > 0.0999, "{row:?}");
+        }
+        let fading: Vec<_> = v.not_required.iter().filter(|n| n.axis == "vx").collect();
+        assert_eq!(fading.len(), 1, "{fading:?}");
+        assert_eq!(fading[0].reason, Fading::Gains);
+        assert!((fading[0].speed_m_s / KNOT - 0.5 * (speeds[1] + speeds[2])).abs() < 1e-9);
+    }
+}
+
+/// A loop that a schedule leaves open within its range, or whose range holds no
+/// speed that is looked at, is named: nothing passes for met that was not there.
+#[test]
+fn open_outer_loops_are_named() {
+    use coaxdesign::control::verify::Fading;
+    let mut spec = with(|s| s.channels.retain(|c| c.channel != Channel::Vy));
+    let (nodes, _) = sets(&[10.0]);
+    let d = design(&spec, &nodes, &[], &[]).unwrap();
+    let open = d.table.with_gains(|k| {
+        let mut gains = d.table.points()[k].gains;
+        gains[Channel::Vx.index()] = Default::default();
+        gains
+    });
+    let found = |spec: &Specification, table| {
+        let v = verify(table, &nodes, &spec.hardware, spec).unwrap();
+        assert!(v.rows.iter().all(|r| r.axis != "vx"));
+        let named = v.not_required.iter().map(|n| (n.axis.clone(), n.reason, n.share));
+        named.collect::<Vec<_>>()
+    };
+    assert_eq!(found(&spec, &open), [("vx".into(), Fading::Open, 0.0)]);
+    for c in spec.channels.iter_mut().filter(|c| c.channel == Channel::Vx) {
+        c.spec.speeds = [40.0, 45.0];
+    }
+    assert_eq!(found(&spec, &d.table), [("vx".into(), Fading::NoSpeed, 0.0)]);
+}
+
 /// Prices come from the duals; solving again with the target tightened gives
 /// the same change of activity, to first order.
 #[test]

@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::args::{ModelsArgs, ProblemArgs};
+use super::args::{ModelsArgs, ProblemArgs, UnitsArgs};
 use super::designs::{Craft, Opened, SourceArgs, check_models, load_schedule};
-use super::watch::Watch;
 use super::tune::SpecArgs;
+use super::watch::Watch;
 use super::{CliError, output};
 use coaxdesign::control::plant::Hardware;
 use coaxdesign::pipeline::{FlightPlan, Flown, fly, fly_models};
 use coaxdesign::schedule::Schedule;
 use coaxdesign::simulate::Options;
-use coaxdesign::simulate::record::Column;
 use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::simulate::record::Column;
+use coaxdesign::units::{Kind, System, parse_quantity};
 
 /// Rate of the control computer unless another is named, Hz.
 pub const CONTROL_RATE: f64 = 100.0;
@@ -137,6 +137,17 @@ pub struct Ready {
 }
 
 impl Ready {
+    /// The units of the results.
+    pub fn system(&self, asked: UnitsArgs) -> System {
+        match &self.opened {
+            Some(opened) => opened.system(asked),
+            None => asked.of(match &self.craft {
+                Craft::Problem(loaded) => Some(&loaded.problem),
+                Craft::Models(..) => None,
+            }),
+        }
+    }
+
     /// What the flight is of, in a line.
     pub fn head(&self) -> String {
         self.opened.as_ref().map_or_else(

@@ -194,7 +194,12 @@ impl MonteCarlo {
         let ranges = Ranges {
             mass: fraction("mass", self.mass)?,
             inertia: fraction("inertia", self.inertia)?,
-            center_of_gravity: quantity("cg", self.cg.as_deref().unwrap_or(usual_cg), Kind::Length)?.abs(),
+            center_of_gravity: quantity(
+                "cg",
+                self.cg.as_deref().unwrap_or(usual_cg),
+                Kind::Length,
+            )?
+            .abs(),
             delay: quantity("delay", &self.delay, Kind::Time)?.max(0.0),
             turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?.max(0.0),
             inflow: fraction("inflow", self.inflow.unwrap_or(usual_inflow))?,
@@ -213,9 +218,7 @@ impl MonteCarlo {
         let runs = self.runs as usize;
         let schedule = ready.schedule.as_ref();
         Ok(match &ready.craft {
-            Craft::Problem(loaded) => {
-                Study::new(loaded, schedule, plan, runs, ranges, criterion)?
-            }
+            Craft::Problem(loaded) => Study::new(loaded, schedule, plan, runs, ranges, criterion)?,
             Craft::Models(set, model) => {
                 Study::of_models(set, model, schedule, plan, runs, ranges, criterion)?
             }
@@ -276,7 +279,7 @@ impl MonteCarlo {
             }
             return Ok(text);
         }
-        let system = self.units.system();
+        let system = ready.system(self.units);
         let unit = Kind::Airspeed.symbol(system);
         let mut text = ready.head();
         text += &format!(

@@ -52,9 +52,9 @@ pub struct Tune {
     /// Outer loops to tune; the inner axes are always tuned
     #[arg(long = "axis", value_enum, value_name = "AXIS")]
     axes: Vec<AxisName>,
-    /// Write the plots (SVG) to the output directory
-    #[arg(long, requires = "output")]
-    plot: bool,
+    /// Write plots of the gains, margins and loops to the output directory, as SVG
+    #[arg(long, alias = "plot", requires = "output")]
+    plots: bool,
     /// Show the price of every target at every speed, and explain the hardest speed of every axis
     #[arg(long)]
     explain: bool,
@@ -159,9 +159,9 @@ impl Tune {
             None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
         };
         let requirements = chosen.as_ref().map_or(&own, |chosen| &chosen.requirements);
-        let system = self.units.system();
+        let system = self.units.of(chosen.as_ref().map(|chosen| &chosen.loaded.problem));
         let paths =
-            self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
+            self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plots));
         if let Some(paths) = &paths {
             for path in paths.all() {
                 if path.exists() && !self.force {
@@ -191,7 +191,7 @@ impl Tune {
         let json_text = || verification_text(verified, explanations, prices);
         if let Some(paths) = &paths {
             let mut files = design_files(&tuned)?;
-            if self.plot {
+            if self.plots {
                 for (name, figure) in
                     figures(&design.table, nodes, spec, &verified.verification, system)?
                 {
@@ -458,8 +458,8 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
         verdict(Verdict::Stable).count(),
         v.stability.len()
     );
-    for n in &v.not_required {
-        text += &format!("  {}\n", not_required_text(n, system));
+    for line in not_required_texts(&v.not_required, system) {
+        text += &format!("  {line}\n");
     }
     for s in v.stability.iter().filter(|s| s.verdict == Verdict::Unsure) {
         text += &format!(
@@ -486,18 +486,30 @@ pub(super) fn report_text(v: &Verification, system: System, coloring: Coloring) 
     text
 }
 
-/// That an outer loop is held to no requirement at a speed, and why.
-pub(super) fn not_required_text(n: &NotRequired, system: System) -> String {
-    let mut text = format!(
-        "{} at {} is held to no requirement: {}",
-        n.axis,
-        speed_text(n.speed_m_s, system),
-        n.reason.words()
-    );
-    if n.reason == Fading::TurnCoordination {
-        text += &format!(" and leaves it {:.0} % of it", 100.0 * n.share);
-    }
-    text
+/// Where outer loops are held to no requirement, and why; speeds at which one is
+/// open stand in one line.
+pub(super) fn not_required_texts(list: &[NotRequired], system: System) -> Vec<String> {
+    let alike = |a: &NotRequired, b: &NotRequired| {
+        a.axis == b.axis && a.reason == Fading::Open && b.reason == Fading::Open
+    };
+    let text = |group: &[NotRequired]| {
+        let first = group.first()?;
+        let speeds: Vec<String> =
+            group.iter().map(|n| format!("{:.0}", speed(n.speed_m_s, system))).collect();
+        let place = match first.reason {
+            Fading::NoSpeed => String::new(),
+            _ => format!(" at {} {}", speeds.join(", "), Kind::Airspeed.symbol(system)),
+        };
+        let left = match first.reason {
+            Fading::TurnCoordination => {
+                format!(" and leaves it {:.0} % of it", 100.0 * first.share)
+            }
+            _ => String::new(),
+        };
+        let why = first.reason.words();
+        Some(format!("{}{place} is held to no requirement: {why}{left}", first.axis))
+    };
+    list.chunk_by(alike).filter_map(text).collect()
 }
 
 /// Modes that grow, every one of every loop.

@@ -71,9 +71,10 @@ pub struct Verification {
     pub not_required: Vec<NotRequired>,
 }
 
-/// A speed at which an outer loop is closed, but fades by design: it has no row
-/// there, since what is left of it cannot reject what the whole loop does. Its
-/// share in the margins at the effectors is judged with the inner axes.
+/// A speed within the range of an outer loop at which it is held to no
+/// requirement. Where it fades by design, what is left of it cannot reject what
+/// the whole loop does; its share in the margins at the effectors is judged with
+/// the inner axes. Where it is open, there is nothing to hold.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NotRequired {
     /// Channel.
@@ -86,7 +87,7 @@ pub struct NotRequired {
     pub share: f64,
 }
 
-/// Why an outer loop fades at a speed.
+/// Why an outer loop is held to no requirement at a speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -95,6 +96,10 @@ pub enum Fading {
     Gains,
     /// Turn coordination takes over its attitude (Eq. 75).
     TurnCoordination,
+    /// The schedule has no gains for it there.
+    Open,
+    /// No speed that is looked at lies in its range.
+    NoSpeed,
 }
 
 impl Fading {
@@ -103,6 +108,8 @@ impl Fading {
         match self {
             Self::Gains => "its gains fade to the next breakpoint",
             Self::TurnCoordination => "turn coordination takes over its attitude",
+            Self::Open => "the schedule has no gains for it there",
+            Self::NoSpeed => "no speed that is looked at lies in its range",
         }
     }
 }
@@ -255,7 +262,7 @@ pub fn verify(
         .channels
         .iter()
         .filter(|c| c.channel.is_outer())
-        .flat_map(|c| speeds.iter().filter_map(|v| not_required(table, c, *v)))
+        .flat_map(|c| not_required(table, c, &speeds))
         .collect();
     let stable = checks.iter().all(|s| s.passed);
     tracing::info!(
@@ -320,19 +327,34 @@ fn fading(table: &LawTable, channel: Channel, speed: f64) -> Option<Fading> {
     }
 }
 
+/// Where an outer loop is held to no requirement within its range.
 fn not_required(
     table: &LawTable,
     requirement: &ChannelRequirement,
-    speed: f64,
-) -> Option<NotRequired> {
-    let channel = requirement.channel;
-    let gains = table.at(speed).gains[channel.index()];
-    if !requirement.spec.applies(speed) || gains == ChannelGains::default() {
-        return None;
+    speeds: &[f64],
+) -> Vec<NotRequired> {
+    let (channel, range) = (requirement.channel, requirement.spec.speeds);
+    let entry = |speed: f64, reason: Fading, share: f64| NotRequired {
+        axis: channel.name().into(),
+        speed_m_s: speed,
+        reason,
+        share,
+    };
+    let inside: Vec<f64> =
+        speeds.iter().copied().filter(|v| requirement.spec.applies(*v)).collect();
+    if inside.is_empty() {
+        // A range that holds none of the speeds ends somewhere.
+        let end = range.into_iter().find(|v| v.is_finite()).unwrap_or(0.0);
+        return vec![entry(end, Fading::NoSpeed, 0.0)];
     }
-    let share = table.outer_share(channel, speed);
-    let reason = fading(table, channel, speed)?;
-    Some(NotRequired { axis: channel.name().into(), speed_m_s: speed, reason, share })
+    let at = |speed: &f64| {
+        if table.at(*speed).gains[channel.index()] == ChannelGains::default() {
+            return Some(entry(*speed, Fading::Open, 0.0));
+        }
+        let reason = fading(table, channel, *speed)?;
+        Some(entry(*speed, reason, table.outer_share(channel, *speed)))
+    };
+    inside.iter().filter_map(at).collect()
 }
 
 /// The law at one speed: with the outer loops open, and closed where there are

@@ -150,7 +150,8 @@ impl Work<'_> {
             .map(|c| inner_trim.iter().find(|(name, _)| *name == c.name).and_then(|(_, x)| *x))
             .collect();
         self.reachable(&model);
-        let (model, measured, inner_trim) = self.delayed(model, &sources, &inputs, inner_trim, &trim)?;
+        let (model, measured, inner_trim) =
+            self.delayed(model, &sources, &inputs, inner_trim, &trim)?;
         self.findings.is_empty().then(|| PointModel {
             label: format!("{}, {}", self.raw.file, self.raw.place),
             speed: self.raw.speed,

@@ -356,9 +356,7 @@ impl Stitched {
     /// Whether mass, inertia and centre of gravity are those of the set.
     #[must_use]
     pub fn as_given(&self) -> bool {
-        self.mass_scale == 1.0
-            && self.inertia_scale == 1.0
-            && self.old_center == Vector3::zeros()
+        self.mass_scale == 1.0 && self.inertia_scale == 1.0 && self.old_center == Vector3::zeros()
     }
 
     /// Mass properties of the set, if they are known.

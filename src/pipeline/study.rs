@@ -229,7 +229,9 @@ impl Study {
                 run.success = head.criterion.met(&run);
                 Ok(run)
             }
-            Err(PipelineError::NoTrim(_) | PipelineError::Stitch(StitchError::Trim { .. })) => Ok(Run::without_trim(index, seed, variation)),
+            Err(PipelineError::NoTrim(_) | PipelineError::Stitch(StitchError::Trim { .. })) => {
+                Ok(Run::without_trim(index, seed, variation))
+            }
             Err(error) => Err(error),
         }
     }

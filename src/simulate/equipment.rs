@@ -274,7 +274,8 @@ mod tests {
     fn actuator_step_is_the_analytic_one() {
         let v = vehicle();
         let mut effectors = vec![0.1; v.effector_count()];
-        let mut a = Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, 1e9, 0.002, &effectors);
+        let mut a =
+            Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, 1e9, 0.002, &effectors);
         let step = 0.02;
         let command = vec![0.1 + step; effectors.len()];
         for k in 1..100 {
@@ -295,7 +296,8 @@ mod tests {
         let v = vehicle();
         let effectors = vec![0.05; v.effector_count()];
         let rate = 60f64.to_radians();
-        let mut a = Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, rate, 0.002, &effectors);
+        let mut a =
+            Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, rate, 0.002, &effectors);
         let command = vec![3.0; effectors.len()];
         let mut before = 0.05;
         for _ in 0..300 {

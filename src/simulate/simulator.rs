@@ -177,8 +177,7 @@ impl<'a> Simulator<'a> {
         let n = airframe.state_count();
         let mut state = start.state.clone();
         state.extend([options.heading, 0.0, 0.0, -options.height]);
-        let air =
-            Air::new(options.weather.clone(), airframe.span(), options.seed, options.heading);
+        let air = Air::new(options.weather.clone(), airframe.span(), options.seed, options.heading);
         let body = Layout::BODY;
         let mean = &start.mean_state;
         let wind = to_body(air.velocity(), options.heading, state[body.roll], state[body.pitch]);
@@ -380,9 +379,10 @@ impl<'a> Simulator<'a> {
     /// The engine fails: from now on the rotors, on one shaft, turn by what the
     /// air does to them, J Ω' = −Q. Rotors whose speed is held exactly keep it.
     pub fn fail_engine(&mut self) {
-        self.engine_out = self.airframe.vehicle().is_some_and(|vehicle| {
-            vehicle.layout.rotors.iter().all(|rotor| rotor.speed.is_some())
-        });
+        self.engine_out = self
+            .airframe
+            .vehicle()
+            .is_some_and(|vehicle| vehicle.layout.rotors.iter().all(|rotor| rotor.speed.is_some()));
     }
 
     /// Rotor speeds to command so that the governors give the rates of rotors

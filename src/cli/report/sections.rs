@@ -8,7 +8,7 @@ use super::super::modes::plane;
 use super::super::trim::{failures, figure as trim_curves, on_off, published};
 use super::super::tune::{
     authority_text, explanations_text, figures as design_figures, gains_table, left_out_text,
-    not_required_text, rows_table,
+    not_required_texts, rows_table,
 };
 use super::super::version;
 use super::Inputs;
@@ -137,8 +137,8 @@ fn verdict(checked: &Checked, system: System) -> (Highlight, &'static str, Strin
     if drifts > 0 {
         text += &format!(" {drifts} more drift slowly until the outer loops hold them.");
     }
-    for n in &v.not_required {
-        text += &format!(" {}.", not_required_text(n, system));
+    for sentence in not_required_texts(&v.not_required, system) {
+        text += &format!(" {sentence}.");
     }
     if let Some(worst) = least(v.rows.iter()) {
         text += &format!(
@@ -421,7 +421,7 @@ pub(super) fn trim(inputs: &Inputs, study: &Study, system: System) -> Section {
     let caption = &format!("{caption}{}", printed(problem, "Figs. 13 and 14"));
     let mut section =
         Section::new("Trim").figure(trim_curves(problem, &study.sweeps, system), caption);
-    let failed = failures(&study.sweeps);
+    let failed = failures(&study.sweeps, Some(system));
     if !failed.is_empty() {
         section = section.preformatted("What did not trim, and why", failed.trim_end());
     }
@@ -609,7 +609,12 @@ pub(super) fn modes(inputs: &Inputs, study: &Study) -> Result<Section, CliError>
     let mut table = modes_table();
     let mut add = |name: &str, style: usize, model: &StateSpace| -> Result<(), LinearError> {
         let found = modes_of(model)?;
-        sets.push(EigenvalueSet { name: name.into(), style, values: with_conjugates(&found) });
+        sets.push(EigenvalueSet {
+            name: name.into(),
+            style,
+            values: with_conjugates(&found),
+            labels: Vec::new(),
+        });
         for mode in &found {
             table.row(mode_cells(name, mode));
         }
