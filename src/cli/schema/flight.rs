@@ -28,7 +28,7 @@ pub(super) fn simulation() -> Json {
     let model = object(
         "The flown model.",
         &[
-            ("interactions", truth("whether rotors act on one another")),
+            ("interactions", or_null(truth("whether rotors act on one another, of a vehicle"))),
             ("mass_factor", positive("on the problem's")),
             ("inertia_factor", positive("on the problem's")),
             ("center_of_gravity_shift_m", number("aft, m")),
@@ -114,6 +114,26 @@ fn metrics() -> Json {
         ],
         &[],
     );
+    let stick = object(
+        "How the actuator of a stick was used.",
+        &[
+            ("stick", text("which")),
+            ("minimum_percent", number("%")),
+            ("maximum_percent", number("%")),
+            ("travel_used_percent", number("of the way to the nearer limit, %")),
+            ("rate_percent_s", number("largest, %/s")),
+            ("saturated_s", number("time at a limit, s")),
+        ],
+        &[],
+    );
+    let beyond = object(
+        "Flight beyond the speeds of a set of linear models.",
+        &[
+            ("range_m_s", vector(2, "airspeed along x that the set has, m/s")),
+            ("time_s", positive("time outside, s")),
+        ],
+        &[],
+    );
     let state = object(
         "Range of a state.",
         &[
@@ -145,12 +165,15 @@ fn metrics() -> Json {
             ("stick_jump_percent", vector(4, "from one control period to the next, %")),
             ("actuators", list("each", actuator)),
             ("saturated_s", number("time with any actuator at a limit, s")),
-            ("power", power),
             ("drift_m", number("largest distance over the ground, m")),
             ("height_change_m", vector(2, "loss and gain, m")),
             ("states", list("each", state)),
         ],
-        &[],
+        &[
+            ("power", power),
+            ("stick_actuators", list("each, of stitched linear models", stick)),
+            ("beyond_models", beyond),
+        ],
     )
 }
 
