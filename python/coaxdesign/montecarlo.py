@@ -12,8 +12,8 @@ import importlib
 import json
 import os
 import pickle
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ from .schedule import Schedule
 from .simulation import Maneuver, Variation, as_maneuver, as_schedule
 from .table import Table, Values
 from .units import ft_s, inch, kt
+
+Rows = Generator[list[dict[str, Any]], None, None]
 
 BLOCK = 1000
 """Runs of one block of the dataset."""
@@ -335,7 +337,8 @@ def _fly(
         done = _on_ray(client, study, batches, retries)
     else:
         done = _on_dask(client, study, batches, retries)
-    with reporting(progress, "flights") as tell:
+    # Closed at once where progress ends the work: while the client still lives.
+    with reporting(progress, "flights") as tell, closing(done):
         for rows in done:
             if dataset is not None:
                 dataset.add(rows)
@@ -353,14 +356,14 @@ def _workers(client: Any) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _here(study: Study, batches: list[list[int]]) -> Iterator[list[dict[str, Any]]]:
+def _here(study: Study, batches: list[list[int]]) -> Rows:
     for indices in batches:
         yield study.fly(indices, threads=0)
 
 
 def _on_dask(
     client: Any, study: Study, batches: list[list[int]], retries: int
-) -> Iterator[list[dict[str, Any]]]:
+) -> Rows:
     distributed = need("distributed", "cluster", "a Dask client")
     # A task makes the study on a worker, so that it is made again where that
     # worker is lost.
@@ -381,7 +384,7 @@ def _on_dask(
 
 def _on_ray(
     ray: Any, study: Study, batches: list[list[int]], retries: int
-) -> Iterator[list[dict[str, Any]]]:
+) -> Rows:
     shared = ray.put(study)
     task = ray.remote(max_retries=retries, num_cpus=1)(fly_batch)
     waiting = [task.remote(shared, indices) for indices in batches]

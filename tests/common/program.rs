@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Output;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 use assert_cmd::Command;
 use serde_json::Value as Json;
@@ -15,14 +15,13 @@ use serde_json::Value as Json;
 /// Runs the program in a directory. Whatever JSON it leaves must be as its
 /// schema says.
 pub fn program(directory: &Path, arguments: &[&str]) -> Output {
-    // Clocks of file systems are coarse.
-    let since = SystemTime::now() - Duration::from_millis(20);
+    let before = results(directory);
     let output = Command::new(env!("CARGO_BIN_EXE_coaxdesign"))
         .current_dir(directory)
         .args(arguments)
         .output()
         .unwrap();
-    check_results(directory, since, &output);
+    check_results(directory, &before, &output);
     output
 }
 
@@ -51,7 +50,7 @@ pub fn err(output: &Output) -> String {
 ///
 /// # Panics
 /// A result that names no schema, or that its schema refuses.
-fn check_results(directory: &Path, since: SystemTime, output: &Output) {
+fn check_results(directory: &Path, before: &Files, output: &Output) {
     if !matches!(output.status.code(), Some(0 | 1)) {
         return;
     }
@@ -60,18 +59,23 @@ fn check_results(directory: &Path, since: SystemTime, output: &Output) {
     {
         check_result("standard output", &value);
     }
-    // Only what a test has of its own is walked.
-    if directory.starts_with(std::env::temp_dir()) {
-        for path in written(directory, since) {
+    for (path, about) in results(directory) {
+        if before.get(&path) != Some(&about) {
             check_file(&path);
         }
     }
 }
 
-/// Files of results that are not older than a time.
-fn written(directory: &Path, since: SystemTime) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![directory.to_path_buf()];
+/// Files, when they were written, and their lengths.
+type Files = HashMap<PathBuf, (Option<SystemTime>, u64)>;
+
+/// Files of results in a directory that a test has of its own.
+fn results(directory: &Path) -> Files {
+    let mut found = Files::new();
+    let mut folders = Vec::new();
+    if directory.starts_with(std::env::temp_dir()) {
+        folders.push(directory.to_path_buf());
+    }
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             let path = entry.path();
@@ -80,10 +84,9 @@ fn written(directory: &Path, since: SystemTime) -> Vec<PathBuf> {
             if about.is_dir() {
                 folders.push(path);
             } else if about.is_file()
-                && about.modified().is_ok_and(|time| time >= since)
                 && path.extension().is_some_and(|e| e == "json" || e == "jsonl")
             {
-                found.push(path);
+                found.insert(path, (about.modified().ok(), about.len()));
             }
         }
     }
