@@ -83,6 +83,7 @@ fn results_of_every_form_are_as_their_schemas_say() {
         ("trim", format!("trim {uh60a} --speeds 40kt --units si --format json")),
         // Far beyond what it can fly: points that have failed.
         ("trim", "trim --speeds 300kt --format json".into()),
+        ("trim", "trim --speeds 10kt --wind-azimuth 90deg --format json".into()),
         ("rotor", format!("rotor {uh60a} --ct 0.002,0.006 --format json")),
         ("compare", format!("compare coax2d-physics {design} --speeds 0,20kt --format json")),
         ("check", format!("check {uh60a} --format json")),

@@ -143,6 +143,7 @@ fn trim_point() -> Json {
         &[],
     );
     let percent = |doc: &str| named(doc, or_null(number("%")));
+    let azimuth = number("of the flight path from the nose, to starboard, where it is held");
     let mut point = object(
         "A trim.",
         &[
@@ -165,6 +166,8 @@ fn trim_point() -> Json {
             ("failure", failure),
             ("beyond_limits", texts("controls beyond their limits")),
             ("last_from_level_flight", last),
+            ("wind_azimuth_rad", azimuth.clone()),
+            ("wind_azimuth_deg", azimuth),
         ],
     );
     speed(&mut point);
