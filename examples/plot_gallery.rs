@@ -159,6 +159,7 @@ fn eigenvalues() -> Figure {
     let set = |name: &str, style: usize, shift: f64| EigenvalueSet {
         name: name.into(),
         style,
+        labels: Vec::new(),
         values: [
             pair(0.42 + shift, -0.25),
             pair(0.47 + shift, -0.12),

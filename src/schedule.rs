@@ -5,6 +5,7 @@
 //! came from. SI units and radians; sticks in percent.
 
 mod check;
+pub mod sample;
 
 pub use check::{Finding, Findings};
 

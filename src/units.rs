@@ -302,6 +302,23 @@ impl Kind {
         value / unit.factor - unit.offset
     }
 
+    /// A number in SI and radians, in words for a message that does not know
+    /// which units its reader asked for: `45 kt (23.15 m/s)`. Two decimals at
+    /// most; one unit where both systems have the same.
+    #[must_use]
+    pub fn in_both(self, value: f64) -> String {
+        let words = |system| {
+            let rounded = (self.from_si(value, system) * 100.0).round() / 100.0;
+            // Not minus zero.
+            format!("{} {}", rounded + 0.0, self.symbol(system))
+        };
+        if self.symbol(System::Us) == self.symbol(System::Si) {
+            words(System::Us)
+        } else {
+            format!("{} ({})", words(System::Us), words(System::Si))
+        }
+    }
+
     /// A number in the unit of [`Kind::symbol`], in SI and radians.
     pub fn to_si(self, value: f64, system: System) -> f64 {
         let unit = self.display(system);

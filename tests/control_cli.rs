@@ -102,11 +102,11 @@ fn plots_of_one_model_name_it() {
     specification(d, "\"60 kt\"", &format!("{ROLL}{models}"));
     let o = program(
         d,
-        "tune-gains --spec spec.toml --nominal-only --axis roll -o made --plot --format csv --quiet",
+        "tune-gains --spec spec.toml --nominal-only --axis roll -o made --plots --format csv --quiet",
     );
     assert_eq!(code(&o), 0, "{}{}", out(&o), err(&o));
     let lines: Vec<&str> = out(&o).lines().collect();
-    assert!(lines[0].contains("DRB") && lines.len() == 2, "{}", out(&o));
+    assert!(lines[0].contains("drb_rad_s") && lines.len() == 2, "{}", out(&o));
     let map = std::fs::read_to_string(d.join("made/margins.svg")).unwrap();
     assert!(map.contains("model plain") && !map.contains("all models"));
     for name in ["gains", "sensitivity", "nyquist-roll"] {

@@ -5,8 +5,9 @@ mod program;
 
 use std::path::{Path, PathBuf};
 
-use coaxdesign::export::{Format, sample, schema};
+use coaxdesign::export::{Format, schema};
 use coaxdesign::schedule::Schedule;
+use coaxdesign::schedule::sample;
 use coaxdesign::units::KNOT;
 use program::{code, command as program, err, out};
 

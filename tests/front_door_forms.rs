@@ -30,7 +30,9 @@ fn the_ending_chooses_the_form() {
     for (more, told) in [
         ("-o x.mat", "no form that ends in .mat"),
         ("-o x.json --format csv --force", "the ending says json, but --format says csv"),
-        ("--plot x.png", "plots are not written as .png"),
+        ("--plot x.pdf", "plots are not written as .pdf"),
+        #[cfg(not(feature = "png"))]
+        ("--plot x.png", "--features png"),
         ("--plot p.svg -o p.svg --format csv", "two results cannot go to one file"),
     ] {
         let refused = command(here, &format!("{TRIM} {more}"));
@@ -44,6 +46,98 @@ fn the_ending_chooses_the_form() {
     let shown = command(here, &format!("{TRIM} --format csv -o -"));
     assert_eq!(out(&shown), read("X.CSV"));
     assert!(!here.join("-").exists());
+}
+
+/// The ending of a plot's name chooses its form too.
+#[cfg(feature = "png")]
+#[test]
+fn plots_are_written_as_png() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let done = command(here, &format!("{TRIM} --plot trim.png"));
+    assert_eq!(code(&done), 0, "{}", err(&done));
+    let bytes = std::fs::read(here.join("trim.png")).unwrap();
+    assert!(bytes.starts_with(b"\x89PNG\r\n"), "no PNG");
+    assert!(bytes.len() > 20_000, "{} bytes: an empty picture?", bytes.len());
+}
+
+/// Every subcommand on models takes one speed, a list or a range in the same
+/// way, and a list holds what its speeds give alone.
+#[test]
+fn speeds_are_asked_for_in_one_way() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let json = |line: &str| -> serde_json::Value {
+        let done = command(here, &format!("{line} --interactions off --format json --quiet"));
+        assert_eq!(code(&done), 0, "{line}: {}", err(&done));
+        serde_json::from_str(out(&done)).unwrap()
+    };
+    let list = json("modes --speeds 20:40:20kt");
+    let points = list["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for (point, speed) in points.iter().zip(["20 kt", "40kt"]) {
+        let alone = command(
+            here,
+            &format!(
+                "modes --speeds {} --interactions off --format json --quiet",
+                speed.replace(' ', "")
+            ),
+        );
+        let alone: serde_json::Value = serde_json::from_str(out(&alone)).unwrap();
+        assert_eq!(alone["points"][0]["speed_kt"], point["speed_kt"]);
+        let real = |p: &serde_json::Value| -> Vec<f64> {
+            let modes = p["models"][0]["modes"].as_array().unwrap();
+            modes.iter().map(|m| m["real_rad_per_s"].as_f64().unwrap()).collect()
+        };
+        for (a, b) in real(point).iter().zip(real(&alone["points"][0])) {
+            assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{a} {b}");
+        }
+    }
+    let list = json("bode --speeds 20,40kt --input lat --response p --points 5");
+    let responses = list["responses"].as_array().unwrap();
+    let speeds: Vec<f64> =
+        responses.iter().map(|r| (r["speed_kt"].as_f64().unwrap() * 1e6).round() / 1e6).collect();
+    assert_eq!(speeds, [20.0, 40.0]);
+    assert_ne!(responses[0]["magnitude"], responses[1]["magnitude"]);
+    // The loci of the modes say where they begin and end.
+    let done = command(here, "modes --speeds 0:40:20kt --interactions off --quiet --plot loci.svg");
+    assert_eq!(code(&done), 0, "{}", err(&done));
+    let svg = std::fs::read_to_string(here.join("loci.svg")).unwrap();
+    assert!(svg.contains(">0 kt</text>") && svg.contains(">40 kt</text>"));
+}
+
+/// A problem file may state its units; `--units` goes before.
+#[test]
+fn results_follow_the_units_of_the_problem_file() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let base = concat!(env!("CARGO_MANIFEST_DIR"), "/problems/coax2d.toml");
+    let write = |file: &str, units: &str| {
+        let text = format!("extends = {base:?}\nname = \"mine\"\nunits = {units:?}\n");
+        std::fs::write(here.join(file), text).unwrap();
+    };
+    write("mine.toml", "si");
+    let trim = "trim mine.toml --speeds 10kt --interactions off --quiet";
+    let done = command(here, trim);
+    assert_eq!(code(&done), 0, "{}", err(&done));
+    assert!(out(&done).contains("m/s") && us_units(out(&done)).is_empty(), "{}", out(&done));
+    let asked = command(here, &format!("{trim} --units us"));
+    let asked = out(&asked);
+    assert!(asked.contains("kt") && asked.contains("hp"), "{asked}");
+    // Messages follow too.
+    let line = "trim mine.toml --speeds 10kt --altitude 60000ft --interactions off --quiet";
+    let missed = command(here, line);
+    assert_eq!(code(&missed), 1);
+    assert!(err(&missed).contains("no trim") && err(&missed).contains("m/s"), "{}", err(&missed));
+    assert!(us_units(&err(&missed)).is_empty(), "{}", err(&missed));
+    write("bad.toml", "metric");
+    let refused = command(here, "trim bad.toml");
+    assert_eq!(code(&refused), 2);
+    assert!(
+        err(&refused).contains("bad.toml:3") && err(&refused).contains("si"),
+        "{}",
+        err(&refused)
+    );
 }
 
 #[test]

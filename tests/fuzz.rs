@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use coaxdesign::control::spec;
 use coaxdesign::export::import::{Breakpoints, Source, import};
-use coaxdesign::export::{Description, Format, Options, Precision, export, sample};
+use coaxdesign::export::{Description, Format, Options, Precision, export};
 use coaxdesign::linear::io::{set_to_json, set_to_mat};
 use coaxdesign::lti;
 use coaxdesign::lti::mapping::Mapping;
@@ -22,6 +22,7 @@ use coaxdesign::pipeline::Requirements;
 use coaxdesign::pipeline::directory::{DesignInputs, NOTE, Note};
 use coaxdesign::problem::{self, Report, c81, fuselage_table};
 use coaxdesign::schedule::Schedule;
+use coaxdesign::schedule::sample;
 use coaxdesign::simulate::maneuver;
 use coaxdesign::units::{Kind, System, parse_quantity};
 use coaxdesign::vehicle::Vehicle;

@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use coaxdesign::export::{self, Format, Options, Precision, sample};
+use coaxdesign::export::{self, Format, Options, Precision};
 use coaxdesign::problem::{check_line, check_name};
 use coaxdesign::schedule::Schedule;
+use coaxdesign::schedule::sample;
 
 /// What must never be met outside of a comment or a text.
 const MARK: &str = "evil";

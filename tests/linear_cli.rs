@@ -93,7 +93,7 @@ fn modes_stand_beside_the_published_ones() {
     );
     assert_eq!(code(&run), 0, "{}", err(&run));
     let value: Value = serde_json::from_str(out(&run)).unwrap();
-    let models = value["models"].as_array().unwrap();
+    let models = value["points"][0]["models"].as_array().unwrap();
     assert_eq!(models.len(), 3);
     assert_eq!(models[2]["published"], true);
     for model in models {
@@ -152,8 +152,9 @@ fn bad_input_is_named_with_what_to_write_instead() {
         ("linearize --format csv --interactions both", "--interactions on"),
         ("linearize --model full --reduce truncate", "averaged"),
         ("linearize --model harmonic:99", "at most"),
+        ("linearize --speeds 0:5:5kt --model full", "one speed"),
         ("linearize --model floquet", "averaged, harmonic:N, full"),
-        ("linearize --speeds 0:5:5kt --speed 3kt", "cannot be used with"),
+        ("linearize --speeds 0:5:5kt --floquet", "one speed"),
         ("linearize --reduce balanced --keep u", "must be kept"),
         ("modes --model floquet --reduce truncate", "periodic model"),
     ] {

@@ -7,14 +7,15 @@ use clap::{Args, ValueEnum};
 use super::error::color;
 use super::models::PointArgs;
 use super::output;
+use super::trim::parse_speeds;
 use super::{CliError, Outcome};
 use coaxdesign::lti::mapping::Mapping;
 use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::lti::{self, LtiSet, PointModel};
 use coaxdesign::pipeline::PipelineError;
 use coaxdesign::pipeline::directory::DesignInputs;
-use coaxdesign::problem::{self, Loaded};
-use coaxdesign::units::{KNOT, Kind, System, parse_quantity};
+use coaxdesign::problem::{self, Loaded, Problem};
+use coaxdesign::units::{Kind, System};
 
 /// The problem to work on.
 #[derive(Debug, Clone, Args)]
@@ -123,19 +124,18 @@ impl ModelsArgs {
         Ok(Some(set))
     }
 
-    /// The set and its model at the speed of a point; between the models of the
-    /// set that of the stitched model. `None` without `--models`.
+    /// The set and its models at the speeds asked for; between the models of
+    /// the set those of the stitched model. `None` without `--models`.
     ///
     /// # Errors
-    /// As [`ModelsArgs::load`], a speed outside the set, or flight that is not
-    /// level.
-    pub fn point(
+    /// As [`ModelsArgs::load`], or a speed outside the set.
+    pub fn points(
         &self,
         problem: &ProblemArgs,
         spec: Option<&Path>,
         point: &PointArgs,
         quiet: bool,
-    ) -> Result<Option<(LtiSet, PointModel)>, CliError> {
+    ) -> Result<Option<(LtiSet, Vec<PointModel>)>, CliError> {
         if self.models.is_none() {
             return Ok(None);
         }
@@ -144,29 +144,40 @@ impl ModelsArgs {
             None => Mapping::default(),
         };
         let Some(set) = self.load(problem, &mapping, "", quiet)? else { return Ok(None) };
-        let usage = |message: String, help: &str| CliError::Usage { message, help: help.into() };
-        let speed = parse_quantity(&point.speed, Kind::Airspeed).map_err(|error| {
-            usage(format!("--speed {:?}: {error}", point.speed), "write --speed \"45 kt\"")
-        })?;
-        if let Some(own) = set.at(speed) {
-            let own = own.clone();
-            return Ok(Some((set, own)));
+        let speeds = parse_speeds(&point.speeds)?;
+        let known = set.speeds();
+        let (low, high) = (known[0], known[known.len() - 1]);
+        if let Some(outside) = speeds.iter().find(|v| !(low..=high).contains(*v)) {
+            let words = |v: &f64| Kind::Airspeed.in_both(*v);
+            return Err(CliError::Usage {
+                message: format!(
+                    "--speeds {:?}: {} is outside the set, whose models go from {} to {}",
+                    point.speeds,
+                    words(outside),
+                    words(&low),
+                    words(&high)
+                ),
+                help: format!(
+                    "its speeds are {}",
+                    known.iter().map(words).collect::<Vec<_>>().join(", ")
+                ),
+            });
         }
-        let speeds = set.speeds();
-        let (low, high) = (speeds[0], speeds[speeds.len() - 1]);
-        if !(low..=high).contains(&speed) {
-            let list: Vec<String> = speeds.iter().map(|v| format!("{:.0}", v / KNOT)).collect();
-            let message = format!(
-                "--speed {:?}: the set has models from {:.0} to {:.0} kt",
-                point.speed,
-                low / KNOT,
-                high / KNOT
-            );
-            return Err(usage(message, &format!("its speeds are {} kt", list.join(", "))));
+        let mut stitched = None;
+        let mut points = Vec::with_capacity(speeds.len());
+        for speed in speeds {
+            if let Some(own) = set.at(speed) {
+                points.push(own.clone());
+                continue;
+            }
+            let between = match &stitched {
+                Some(between) => between,
+                None => stitched
+                    .insert(Stitched::new(&set, mapping.inertia).map_err(PipelineError::from)?),
+            };
+            points.push(between.at(speed).map_err(PipelineError::from)?);
         }
-        let stitched = Stitched::new(&set, mapping.inertia).map_err(PipelineError::from)?;
-        let between = stitched.at(speed).map_err(PipelineError::from)?;
-        Ok(Some((set, between)))
+        Ok(Some((set, points)))
     }
 }
 
@@ -188,17 +199,20 @@ pub enum Units {
 /// `--units`.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct UnitsArgs {
-    /// Units of the results
-    #[arg(long, value_enum, default_value = "us")]
-    pub units: Units,
+    /// Units of the results [default: those of the design, else those that the problem file
+    /// states, else us]
+    #[arg(long, value_enum)]
+    pub units: Option<Units>,
 }
 
 impl UnitsArgs {
-    /// The system of units.
-    pub fn system(self) -> System {
+    /// The system of units that is asked for, else the one that the aircraft
+    /// states, else US customary units.
+    pub fn of(self, problem: Option<&Problem>) -> System {
         match self.units {
-            Units::Us => System::Us,
-            Units::Si => System::Si,
+            Some(Units::Us) => System::Us,
+            Some(Units::Si) => System::Si,
+            None => problem.and_then(|problem| problem.units).unwrap_or_default(),
         }
     }
 }
@@ -348,16 +362,21 @@ impl OutputArgs {
     /// # Errors
     /// As there, and a name that ends in the form of another kind of picture.
     pub fn check_plot(&self, path: &Path) -> Result<(), CliError> {
-        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        match ending.as_deref() {
-            None | Some("svg") => self.check_path(path),
-            Some(other) => Err(CliError::Usage {
-                message: format!("{}: plots are not written as .{other}", path.display()),
-                help: "end the name in .svg: a vector picture that browsers, Inkscape and office \
-                       programs open and can save as PNG or PDF"
-                    .into(),
-            }),
-        }
+        Picture::of(path)?;
+        self.check_path(path)
+    }
+
+    /// Writes a plot in the form that the ending of its name says.
+    ///
+    /// # Errors
+    /// [`CliError::Exists`] and [`CliError::Io`].
+    pub fn write_plot(&self, path: &Path, svg: &str) -> Result<(), CliError> {
+        let bytes = match Picture::of(path)? {
+            Picture::Svg => svg.as_bytes().to_vec(),
+            #[cfg(feature = "png")]
+            Picture::Png => super::png::from_svg(svg)?,
+        };
+        output::write_whole(path, &bytes, self.force)
     }
 
     /// Writes a result to the file, or to standard output.
@@ -370,6 +389,40 @@ impl OutputArgs {
             None => output::print(text)?,
         }
         Ok(Outcome::Done)
+    }
+}
+
+/// Forms of a plot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Picture {
+    /// A vector picture.
+    Svg,
+    /// A raster picture.
+    #[cfg(feature = "png")]
+    Png,
+}
+
+impl Picture {
+    /// The form that the ending of a name says; without one, SVG.
+    fn of(path: &Path) -> Result<Self, CliError> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let refuse = |message: String, help: &str| CliError::Usage { message, help: help.into() };
+        match ending.as_deref() {
+            None | Some("svg") => Ok(Picture::Svg),
+            #[cfg(feature = "png")]
+            Some("png") => Ok(Picture::Png),
+            #[cfg(not(feature = "png"))]
+            Some("png") => Err(refuse(
+                format!("{}: this program was built without PNG", path.display()),
+                "build it with `cargo install --path . --features png`, or write .svg, which \
+                 browsers, Inkscape and office programs open",
+            )),
+            Some(other) => Err(refuse(
+                format!("{}: plots are not written as .{other}", path.display()),
+                "end the name in .svg, a vector picture that browsers, Inkscape and office \
+                 programs open, or in .png",
+            )),
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
-use super::models::{Choice, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
+use super::models::{Choice, Flown, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
 use coaxdesign::linear::frequency::{ChannelComparison, compare, log_grid};
@@ -24,7 +24,7 @@ const MOST_PLOTTED: usize = 6;
 /// About this many frequencies are shown in a table.
 const TABLE_ROWS: usize = 25;
 
-/// Frequency responses of the linear model of a trim
+/// Frequency responses of the linear models of trims
 #[derive(Debug, Args)]
 pub struct Bode {
     #[command(flatten)]
@@ -68,8 +68,8 @@ pub struct Bode {
     units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
-    /// Plot the responses to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    /// Plot the responses
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
@@ -96,6 +96,8 @@ fn range(text: &str) -> Result<(f64, f64), String> {
 
 /// A model and what tells it from the others.
 struct Entry {
+    /// True airspeed, m/s.
+    speed: f64,
     interactions: bool,
     reduced: bool,
     label: String,
@@ -119,43 +121,58 @@ impl Bode {
             self.output.check_plot(path)?;
         }
         self.run.start()?;
-        if let Some((set, point)) =
-            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        if let Some((set, points)) =
+            self.models.points(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
         {
-            let m = &point.model;
-            // Every state may be looked at.
-            let model = StateSpace::with_state_outputs(
-                m.states().to_vec(),
-                m.inputs().to_vec(),
-                m.a().clone(),
-                m.b().clone(),
-            )?;
-            let entries = vec![Entry {
-                interactions: false,
-                reduced: false,
-                label: point.label.clone(),
-                model,
-            }];
-            return self.show(&set.name, point.speed, &entries);
+            let entries: Vec<Entry> = points
+                .iter()
+                .map(|point| {
+                    let m = &point.model;
+                    // Every state may be looked at.
+                    let model = StateSpace::with_state_outputs(
+                        m.states().to_vec(),
+                        m.inputs().to_vec(),
+                        m.a().clone(),
+                        m.b().clone(),
+                    )?;
+                    Ok(Entry {
+                        speed: point.speed,
+                        interactions: false,
+                        reduced: false,
+                        label: point.label.clone(),
+                        model,
+                    })
+                })
+                .collect::<Result<_, LinearError>>()?;
+            return self.show(&set.name, &entries, self.units.of(None));
         }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let condition = self.point.condition(&mut loaded.problem)?;
+        let conditions = self.point.conditions(&mut loaded.problem)?;
         let problem = &loaded.problem;
         let positions = self.interactions.positions();
-        let Some(flown) = fly(problem, &[vec![condition]], positions, self.run.quiet)? else {
+        let system = self.units.of(Some(problem));
+        let Some(flown) =
+            fly(problem, std::slice::from_ref(&conditions), positions, system, self.run.quiet)?
+        else {
             return Ok(Outcome::GoalMissed);
         };
         let options = self.inputs.options();
-        let full: Vec<StateSpace> = flown
+        let cases: Vec<(usize, &Flown)> =
+            (0..conditions.len()).flat_map(|k| flown.iter().map(move |flown| (k, flown))).collect();
+        let full: Vec<StateSpace> = cases
             .par_iter()
-            .map(|flown| {
-                let periodic = linearize(&flown.vehicle, &flown.sweeps[0][0], &options)?.model;
+            .map(|(k, flown)| {
+                let periodic = linearize(&flown.vehicle, &flown.sweeps[0][*k], &options)?.model;
                 self.model.of(&periodic)
             })
             .collect::<Result<_, LinearError>>()?;
         let mut entries = Vec::new();
-        for (model, flown) in full.into_iter().zip(&flown) {
-            let word = on_off(flown.interactions);
+        for (model, (k, flown)) in full.into_iter().zip(cases) {
+            let speed = conditions[k].horizontal_speed();
+            let mut word = format!("interactions {}", on_off(flown.interactions));
+            if conditions.len() > 1 {
+                word = format!("{}, {word}", speed_text(speed, system));
+            }
             let reduced = if self.reduced {
                 let keep = RIGID_BODY.map(str::to_owned);
                 Some(Reduced::new(&model, Method::Residualise, &keep)?)
@@ -163,16 +180,13 @@ impl Bode {
                 None
             };
             if let (Some(reduced), false) = (&reduced, self.run.quiet) {
-                output::note(&format!("interactions {word}: {}", reduced.summary(&model)));
+                output::note(&format!("{word}: {}", reduced.summary(&model)));
             }
             let entry = |reduced: bool, model| Entry {
+                speed,
                 interactions: flown.interactions,
                 reduced,
-                label: if reduced {
-                    format!("interactions {word}, reduced")
-                } else {
-                    format!("interactions {word}")
-                },
+                label: if reduced { format!("{word}, reduced") } else { word.clone() },
                 model,
             };
             entries.push(entry(false, model));
@@ -180,14 +194,13 @@ impl Bode {
                 entries.push(entry(true, reduced.model));
             }
         }
-        self.show(&problem.name, condition.horizontal_speed(), &entries)
+        self.show(&problem.name, &entries, system)
     }
 
-    /// Responses of the models asked for, at a speed, m/s.
-    fn show(&self, name: &str, speed: f64, entries: &[Entry]) -> Result<Outcome, CliError> {
+    /// Responses of the models asked for.
+    fn show(&self, name: &str, entries: &[Entry], system: System) -> Result<Outcome, CliError> {
         let (from, to) = self.omega;
         let omega = log_grid(from, to, self.points as usize)?;
-        let system = self.units.system();
         let named = self.pairs(&entries[0].model)?;
         if self.plot.is_some() && named.len() > MOST_PLOTTED {
             return Err(CliError::Usage {
@@ -211,15 +224,20 @@ impl Bode {
                 })
             })
             .collect::<Result<_, LinearError>>()?;
-        let title = format!("{name}: {} at {}", self.model.label(), speed_text(speed, system));
+        let first = entries[0].speed;
+        let title = if entries.iter().all(|entry| entry.speed == first) {
+            format!("{name}: {} at {}", self.model.label(), speed_text(first, system))
+        } else {
+            format!("{name}: {} over speed", self.model.label())
+        };
         if let Some(path) = &self.plot {
             let svg = figure(&title, entries, &pairs).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         let text = match self.format.of(&self.output)? {
             Format::Table => tables(&title, &pairs),
-            Format::Csv => csv(entries, &pairs),
-            Format::Json => json_text(name, speed_key(speed, system), self.model, entries, &pairs)?,
+            Format::Csv => csv(entries, &pairs, system),
+            Format::Json => json_text(name, system, self.model, entries, &pairs)?,
         };
         self.output.write(&text)
     }
@@ -283,6 +301,7 @@ fn decibel(value: f64) -> f64 {
 }
 
 fn figure(title: &str, entries: &[Entry], pairs: &[Pair]) -> coaxdesign::report::plot::Figure {
+    let single = entries.iter().all(|entry| entry.speed == entries[0].speed);
     let channels: Vec<BodeChannel> = pairs
         .iter()
         .map(|pair| BodeChannel {
@@ -294,9 +313,15 @@ fn figure(title: &str, entries: &[Entry], pairs: &[Pair]) -> coaxdesign::report:
                 .curves
                 .iter()
                 .zip(entries)
-                .map(|((label, bode), entry)| FrequencyResponse {
+                .enumerate()
+                .map(|(k, ((label, bode), entry))| FrequencyResponse {
                     name: label.clone(),
-                    style: usize::from(!entry.interactions) + 2 * usize::from(entry.reduced),
+                    // Speeds differ in their hue, then models in hue and dash.
+                    style: if single {
+                        usize::from(!entry.interactions) + 2 * usize::from(entry.reduced)
+                    } else {
+                        k
+                    },
                     frequency: bode.omega.clone(),
                     response: bode
                         .gain
@@ -346,10 +371,11 @@ fn tables(title: &str, pairs: &[Pair]) -> String {
     text
 }
 
-fn csv(entries: &[Entry], pairs: &[Pair]) -> String {
+fn csv(entries: &[Entry], pairs: &[Pair], system: System) -> String {
     let mut table = Table::new(
         "",
         vec![
+            Column::number("speed", Kind::Airspeed.symbol(system), Digits::Significant(6)),
             Column::text("interactions"),
             Column::text("reduced"),
             Column::text("input"),
@@ -366,6 +392,7 @@ fn csv(entries: &[Entry], pairs: &[Pair]) -> String {
             for ((omega, gain), phase) in bode.omega.iter().zip(&bode.gain).zip(&bode.phase) {
                 let gain = gain * pair.factor;
                 table.row([
+                    Cell::from(Kind::Airspeed.from_si(entry.speed, system)),
                     Cell::from(on_off(entry.interactions)),
                     Cell::from(if entry.reduced { "yes" } else { "no" }),
                     Cell::from(pair.comparison.input.as_str()),
@@ -384,7 +411,7 @@ fn csv(entries: &[Entry], pairs: &[Pair]) -> String {
 
 fn json_text(
     name: &str,
-    (speed_key, speed): (&str, f64),
+    system: System,
     model: Choice,
     entries: &[Entry],
     pairs: &[Pair],
@@ -398,7 +425,9 @@ fn json_text(
         for ((_, bode), entry) in pair.comparison.curves.iter().zip(entries) {
             let magnitude: Vec<f64> = bode.gain.iter().map(|gain| gain * pair.factor).collect();
             let phase: Vec<f64> = bode.phase.iter().map(|phase| phase.to_degrees()).collect();
+            let (key, speed) = speed_key(entry.speed, system);
             responses.push(json!({
+                key: speed,
                 "interactions": entry.interactions,
                 "reduced": entry.reduced,
                 "input": pair.comparison.input,
@@ -410,9 +439,8 @@ fn json_text(
         }
     }
     let all = json!({
-        "schema": "coaxdesign.frequency-response/1",
+        "schema": "coaxdesign.frequency-response/2",
         "name": name,
-        speed_key: speed,
         "model": model.label(),
         "omega_rad_per_s": omega,
         "responses": responses,

@@ -41,7 +41,7 @@ pub struct Check {
 impl Check {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         let loaded = self.problem.load()?;
-        let system = self.units.system();
+        let system = self.units.of(Some(&loaded.problem));
         // Building the model finds what only the model knows, such as rotors
         // too close to one another.
         let vehicle = Vehicle::new(&loaded.problem)?;

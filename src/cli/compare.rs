@@ -59,7 +59,7 @@ pub struct Compare {
     #[command(flatten)]
     output: OutputArgs,
     /// Plot the trim curves to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write table and figures as an HTML page
     #[arg(long, value_name = "FILE.html")]
@@ -106,7 +106,6 @@ impl Compare {
             }
         }
         self.run.start()?;
-        let system = self.units.system();
         let conditions: Vec<FlightCondition> =
             parse_speeds(&self.speeds)?.into_iter().map(FlightCondition::level).collect();
         let entries = self.entries()?;
@@ -117,6 +116,12 @@ impl Compare {
             .map(|entry| Subject::new(entry, &conditions, &progress))
             .collect::<Result<_, _>>()?;
         progress.finish();
+        // Results of several aircraft are in the units that all of them state.
+        let stated = |s: &Subject| self.units.of(Some(&s.problem));
+        let system = match subjects.split_first() {
+            Some((first, rest)) if rest.iter().all(|s| stated(s) == stated(first)) => stated(first),
+            _ => self.units.of(None),
+        };
         let table = table(&subjects, &conditions, system);
         let text = match self.format.of(&self.output)? {
             Format::Table => table.to_text(Coloring::for_stdout()),
@@ -125,7 +130,7 @@ impl Compare {
         };
         if let Some(path) = &self.plot {
             let svg = trim(&subjects, system).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         if let Some(path) = &self.html {
             let html = page(&subjects, table, system).to_html();
@@ -470,6 +475,7 @@ fn page(subjects: &[Subject], table: Table, system: System) -> Page {
         .enumerate()
         .filter(|(_, s)| !s.modes.is_empty())
         .map(|(style, s)| EigenvalueSet {
+            labels: Vec::new(),
             name: s.name.clone(),
             style,
             values: s

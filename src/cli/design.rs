@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::args::{ProblemArgs, RunArgs, Units, UnitsArgs};
+use super::args::{ProblemArgs, RunArgs, UnitsArgs};
 use super::designs::{Chosen, SourceArgs, lock};
 use super::export::{Export, FormatName};
 use super::fly::{CONTROL_RATE, FlyArgs, STEPS};
@@ -87,6 +87,8 @@ pub struct Design {
 /// What the arguments come to, with the aircraft and the specification.
 struct Plan {
     speeds: String,
+    /// Units of the results.
+    units: System,
     /// Name of the manoeuvre, its text, where it came from, and how a command names
     /// it.
     name: String,
@@ -104,6 +106,14 @@ impl Plan {
     /// The flight's file in the design.
     fn flight_file(&self) -> String {
         format!("{FLIGHTS}/{}.json", self.name)
+    }
+}
+
+/// Name of a system of units, as `--units` takes it.
+fn unit_name(units: System) -> &'static str {
+    match units {
+        System::Us => "us",
+        System::Si => "si",
     }
 }
 
@@ -269,7 +279,11 @@ impl Design {
                 (MANEUVER.into(), built_in(MANEUVER).ok_or_else(none)?)
             }
         };
-        Ok(Plan { speeds, name, text, origin, command })
+        let units = match chosen.note().units() {
+            Some(units) if self.units.units.is_none() => units,
+            _ => self.units.of(Some(&chosen.loaded.problem)),
+        };
+        Ok(Plan { speeds, units, name, text, origin, command })
     }
 
     /// The note to begin with: what is known of stages that still exist.
@@ -287,19 +301,12 @@ impl Design {
         let exports: Vec<&str> = self.exports.iter().map(|f| f.0.about().name).collect();
         note.options = [
             ("speeds", plan.speeds.clone()),
-            ("units", self.unit_name().into()),
+            ("units", unit_name(plan.units).into()),
             ("exports", exports.join(",")),
         ]
         .map(|(key, value)| (key.to_string(), value))
         .into();
         note
-    }
-
-    fn unit_name(&self) -> &'static str {
-        match self.units.units {
-            Units::Us => "us",
-            Units::Si => "si",
-        }
     }
 
     /// The stages, in order.
@@ -320,7 +327,7 @@ impl Design {
             None if chosen.keeps_aircraft() => design.clone(),
             None => BUILTIN[0].to_string(),
         };
-        let units = self.unit_name();
+        let units = unit_name(plan.units);
         let words = |list: &[&str]| list.iter().map(|w| (*w).to_string()).collect::<Vec<_>>();
         let mut gains = words(&["tune-gains"]);
         if !chosen.keeps_aircraft() {
@@ -438,8 +445,8 @@ impl Design {
                 let conditions: Vec<FlightCondition> =
                     parse_speeds(&plan.speeds)?.into_iter().map(FlightCondition::level).collect();
                 let points = trim_all(problem, &conditions, &[true, false], self.run.quiet)?;
-                write("trim.json", &json_text(problem, &points, self.units.system())?)?;
-                let failures = failures(&points);
+                write("trim.json", &json_text(problem, &points, plan.units)?)?;
+                let failures = failures(&points, Some(plan.units));
                 output::note(&failures);
                 Ok(if failures.is_empty() { Outcome::Done } else { Outcome::GoalMissed })
             }
@@ -450,7 +457,7 @@ impl Design {
                         PipelineError::NoTrim(point) => CliError::Missed(format!(
                             "no models over speed, since a breakpoint of the specification does \
                              not trim: {}",
-                            failures(&[vec![*point]])
+                            failures(&[vec![*point]], Some(plan.units))
                         )),
                         other => other.into(),
                     })?;
@@ -465,7 +472,7 @@ impl Design {
                 output::write_set(directory, &design_files(&tuned)?, true)?;
                 let met = tuned.verified.met();
                 if !met {
-                    let system = self.units.system();
+                    let system = plan.units;
                     output::note(
                         &(explanations_text(&tuned.explanations, system)
                             + &misses_text(&tuned.verified.verification, system)
@@ -498,7 +505,7 @@ impl Design {
             }
             Work::Report => {
                 let inputs = Inputs::find(directory, &SourceArgs::default(), true)?;
-                write("report.html", &page(&inputs, &plan.speeds, self.units, self.run.quiet)?)?;
+                write("report.html", &page(&inputs, &plan.speeds, plan.units, self.run.quiet)?)?;
                 Ok(Outcome::Done)
             }
         }

@@ -6,13 +6,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Map, Value as Json, json};
 
-use super::args::ProblemArgs;
+use super::args::{ProblemArgs, UnitsArgs};
 use super::tune::{SpecArgs, usage};
 use super::{CliError, output};
 use coaxdesign::pipeline::directory::{DesignInputs, DirectoryError, NOTE, Note};
 use coaxdesign::pipeline::{DirectoryLock, Requirements, problem_hash};
 use coaxdesign::problem::{self, Loaded};
+use coaxdesign::report::table::Table;
 use coaxdesign::schedule::Schedule;
+use coaxdesign::units::System;
 
 /// `--problem`, `--spec` and what lets them be others than the design's.
 #[derive(Debug, Clone, Default, Args)]
@@ -46,6 +48,8 @@ pub struct Opened {
     pub problem_name: String,
     /// The specification.
     pub requirements: Requirements,
+    /// The units that the design was asked for in.
+    units: Option<System>,
 }
 
 /// The directory of a design that is named by it or by its schedule.
@@ -96,6 +100,7 @@ impl Opened {
         let wanted = &schedule.provenance.problem_hash;
         let made_for =
             inside.as_ref().map_or_else(|| schedule.name.clone(), |i| i.note.aircraft.name.clone());
+        let units = inside.as_ref().and_then(|inside| inside.note.units());
         let (kept, kept_spec) = match inside {
             Some(inside) => {
                 let origin = inside.note.specification.origin.clone();
@@ -147,6 +152,7 @@ impl Opened {
             loaded,
             problem_name,
             requirements,
+            units,
         })
     }
 
@@ -189,12 +195,29 @@ impl Opened {
         Ok(requirements)
     }
 
+    /// The units of the results: those asked for, else those of the design.
+    pub fn system(&self, asked: UnitsArgs) -> System {
+        match self.units {
+            Some(units) if asked.units.is_none() => units,
+            _ => asked.of(Some(&self.loaded.problem)),
+        }
+    }
+
     /// What a result is of, in a line.
     pub fn head(&self) -> String {
         format!(
             "{}: aircraft {} ({}), specification {}\n",
             self.name, self.loaded.problem.name, self.problem_name, self.requirements.name
         )
+    }
+
+    /// A table with columns before its own that say what it is of.
+    pub fn with_columns(&self, table: Table) -> Table {
+        table.with_texts_before(&[
+            ("design", &self.name),
+            ("aircraft", &self.loaded.problem.name),
+            ("specification", &self.requirements.name),
+        ])
     }
 
     /// A JSON result with what it is of before it.

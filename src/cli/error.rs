@@ -89,7 +89,7 @@ impl From<PipelineError> for CliError {
             PipelineError::Vehicle(error) => Self::Vehicle(error),
             PipelineError::NoTrim(point) => Self::Missed(format!(
                 "no trim to start from: {}",
-                super::trim::failures(&[vec![*point]])
+                super::trim::failures(&[vec![*point]], None)
             )),
             PipelineError::Explain(error) => Self::Internal(error.to_string()),
             error => Self::Usage { message: error.to_string(), help: help.into() },

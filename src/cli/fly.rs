@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::args::ProblemArgs;
+use super::args::{ProblemArgs, UnitsArgs};
 use super::designs::{Opened, SourceArgs};
 use super::tune::SpecArgs;
 use super::{CliError, output};
@@ -15,7 +15,7 @@ use coaxdesign::schedule::Schedule;
 use coaxdesign::simulate::Options;
 use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::units::{Kind, System, parse_quantity};
 
 /// Rate of the control computer unless another is named, Hz.
 pub const CONTROL_RATE: f64 = 100.0;
@@ -133,6 +133,14 @@ pub struct Ready {
 }
 
 impl Ready {
+    /// The units of the results.
+    pub fn system(&self, asked: UnitsArgs) -> System {
+        match &self.opened {
+            Some(opened) => opened.system(asked),
+            None => asked.of(Some(&self.loaded.problem)),
+        }
+    }
+
     /// What the flight is of, in a line.
     pub fn head(&self) -> String {
         self.opened.as_ref().map_or_else(

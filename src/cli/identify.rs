@@ -10,7 +10,7 @@ use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
 use super::bode::speed_text;
 use super::designs::{Opened, SourceArgs};
 use super::trim::parse_speeds;
-use super::{CliError, Outcome, output};
+use super::{CliError, Outcome};
 use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
 use coaxdesign::control::loops::{Cut, FrequencyModel};
@@ -46,8 +46,8 @@ pub struct Identify {
     #[command(flatten)]
     sources: SourceArgs,
     /// True airspeed, such as "40 kt"
-    #[arg(long, value_name = "SPEED", default_value = "0 kt")]
-    speed: String,
+    #[arg(long, alias = "speed", value_name = "SPEED", default_value = "0 kt")]
+    speeds: String,
     /// Fly small steps, and compare them in time
     #[arg(long)]
     steps: bool,
@@ -58,7 +58,7 @@ pub struct Identify {
     #[arg(long, value_name = "TIME", default_value = "320 s", conflicts_with = "steps")]
     sweep: String,
     /// Plot measured and predicted loops, or steps, to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     format: FormatArgs,
@@ -116,16 +116,16 @@ impl Identify {
         if let Some(plot) = &self.plot {
             self.output.check_plot(plot)?;
         }
-        let speeds = parse_speeds(&self.speed)?;
+        let speeds = parse_speeds(&self.speeds)?;
         let [speed] = speeds[..] else {
             return Err(CliError::Usage {
-                message: format!("--speed {:?}: it is more than one speed", self.speed),
-                help: "write one speed with its unit, such as --speed \"40 kt\"".into(),
+                message: format!("--speeds {:?}: it is more than one speed", self.speeds),
+                help: "write one speed with its unit, such as --speeds \"40 kt\"".into(),
             });
         };
         let settings = self.settings()?;
-        let system = self.units.system();
         let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
+        let system = opened.system(self.units);
         let (loaded, schedule) = (&opened.loaded, &opened.schedule);
         let table = schedule.law().map_err(|error| CliError::Usage {
             message: error.to_string(),
@@ -162,7 +162,7 @@ impl Identify {
         pairs.extend(plant_pairs(&alone, &frequency));
         if let Some(path) = &self.plot {
             let svg = figure(&measured, &model, speed, system);
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         let text = match self.format.of(&self.output)? {
             Format::Json => {
@@ -171,7 +171,7 @@ impl Identify {
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => as_table(&pairs, speed, system).to_csv(),
+            Format::Csv => opened.with_columns(as_table(&pairs, speed, system)).to_csv(),
             Format::Table => {
                 format!("{}\n", opened.head())
                     + &as_table(&pairs, speed, system).to_text(Coloring::for_stdout())
@@ -209,10 +209,10 @@ impl Identify {
         list: &[SmallStep],
         speed: f64,
     ) -> Result<Outcome, CliError> {
-        let system = self.units.system();
+        let system = opened.system(self.units);
         if let Some(path) = &self.plot {
             let svg = steps_figure(list, speed, system);
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         let text = match self.format.of(&self.output)? {
             Format::Json => {
@@ -239,7 +239,7 @@ impl Identify {
                     .map_err(|error| CliError::Internal(error.to_string()))?;
                 text + "\n"
             }
-            Format::Csv => steps_table(list, speed, system).to_csv(),
+            Format::Csv => opened.with_columns(steps_table(list, speed, system)).to_csv(),
             Format::Table => {
                 format!("{}\n", opened.head())
                     + &steps_table(list, speed, system).to_text(Coloring::for_stdout())

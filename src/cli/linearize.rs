@@ -100,9 +100,6 @@ pub struct Linearize {
     problem: ProblemArgs,
     #[command(flatten)]
     point: PointArgs,
-    /// Speeds of a model set, FIRST:LAST:STEP with a unit, checked halfway between them
-    #[arg(long, value_name = "SPEEDS", conflicts_with = "speed", allow_hyphen_values = true)]
-    speeds: Option<String>,
     /// Rotor-on-rotor interactions
     #[arg(long, value_enum, default_value = "on")]
     interactions: Interactions,
@@ -116,7 +113,7 @@ pub struct Linearize {
     #[arg(long, value_enum, default_value = "sticks")]
     inputs: Inputs,
     /// Show what averaging does, beside Floquet theory and harmonic models
-    #[arg(long, conflicts_with = "speeds")]
+    #[arg(long)]
     floquet: bool,
     /// Form of the result [default: what the ending of -o says, else table]
     #[arg(long, value_enum)]
@@ -128,8 +125,8 @@ pub struct Linearize {
     units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
-    /// Plot to an SVG file: on-axis frequency responses, or derivatives over speed with --speeds
-    #[arg(long, value_name = "FILE.svg")]
+    /// Plot to an SVG file: on-axis frequency responses, or derivatives over speed where there are several
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
@@ -178,14 +175,12 @@ impl Linearize {
         self.check_form()?;
         self.run.start()?;
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        match &self.speeds {
-            Some(speeds) => {
-                let conditions = self.point.conditions(speeds, &mut loaded.problem)?;
+        let conditions = self.point.conditions(&mut loaded.problem)?;
+        match conditions.as_slice() {
+            [one] => self.single(&loaded.problem, *one),
+            _ => {
+                self.check_set()?;
                 self.set(&loaded.problem, conditions)
-            }
-            None => {
-                let condition = self.point.condition(&mut loaded.problem)?;
-                self.single(&loaded.problem, condition)
             }
         }
     }
@@ -221,10 +216,24 @@ impl Linearize {
                 "reduce --model averaged or --model harmonic:N",
             );
         }
-        if full && self.speeds.is_some() {
+        Ok(())
+    }
+
+    /// Refuses what a set of models at several speeds cannot hold.
+    fn check_set(&self) -> Result<(), CliError> {
+        let refuse = |message: &str, help: &str| {
+            Err(CliError::Usage { message: message.into(), help: help.into() })
+        };
+        if self.model == Choice::Full {
             return refuse(
                 "a model set holds time-invariant models",
-                "write --model averaged or --model harmonic:N, or one --speed",
+                "write --model averaged or --model harmonic:N, or one speed",
+            );
+        }
+        if self.floquet {
+            return refuse(
+                "--floquet looks at one speed",
+                "write one speed, such as --speeds \"45 kt\"",
             );
         }
         Ok(())
@@ -262,17 +271,18 @@ impl Linearize {
 
     fn single(&self, problem: &Problem, condition: FlightCondition) -> Result<Outcome, CliError> {
         let positions = self.interactions.positions();
-        let Some(flown) = fly(problem, &[vec![condition]], positions, self.run.quiet)? else {
+        let system = self.units.of(Some(problem));
+        let Some(flown) = fly(problem, &[vec![condition]], positions, system, self.run.quiet)?
+        else {
             return Ok(Outcome::GoalMissed);
         };
         let cases: Vec<Case> = flown
             .par_iter()
             .map(|flown| self.case(flown, &flown.sweeps[0][0]))
             .collect::<Result<_, _>>()?;
-        let system = self.units.system();
         if let Some(path) = &self.plot {
             let svg = response_figure(problem, self.model, &cases, system)?.to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         if self.form != ModelFormat::Table && !self.run.quiet {
             for case in &cases {
@@ -347,10 +357,10 @@ impl Linearize {
             })
             .collect();
         let positions = self.interactions.positions();
-        let Some(flown) = fly(problem, &[grid, halfway], positions, self.run.quiet)? else {
+        let system = self.units.of(Some(problem));
+        let Some(flown) = fly(problem, &[grid, halfway], positions, system, self.run.quiet)? else {
             return Ok(Outcome::GoalMissed);
         };
-        let system = self.units.system();
         let omega = compared_frequencies()?;
         let mut sets = Vec::with_capacity(flown.len());
         let mut checks = Vec::with_capacity(flown.len());
@@ -397,7 +407,7 @@ impl Linearize {
         }
         if let Some(path) = &self.plot {
             let svg = derivative_figure(problem, &sets, system).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         let midpoints: String = sets
             .iter()

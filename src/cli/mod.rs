@@ -25,6 +25,8 @@ mod new;
 pub mod output;
 #[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(feature = "png")]
+mod png;
 mod report;
 mod rotor;
 mod schema;

@@ -19,7 +19,7 @@ use coaxdesign::linear::{Channel, LinearError, PeriodicModel, StateSpace, linear
 use coaxdesign::problem::{Problem, STICKS};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::trim::{ConvergedTrim, FlightCondition, Options, TrimPoint, sweep};
-use coaxdesign::units::Kind;
+use coaxdesign::units::{Kind, System};
 use coaxdesign::vehicle::Vehicle;
 
 /// Most harmonics of a harmonic model: beyond, it only grows.
@@ -28,48 +28,29 @@ const MOST_HARMONICS: usize = 12;
 /// task of a pilot to faster than any actuator.
 const COMPARED: (f64, f64, usize) = (0.05, 30.0, 120);
 
-/// The flight condition at one speed.
+/// The flight condition at a speed, or at several.
 #[derive(Debug, Clone, Args)]
 pub struct PointArgs {
-    /// True airspeed, such as "45 kt"
-    #[arg(long, value_name = "SPEED", default_value = "0 kt", allow_hyphen_values = true)]
-    pub speed: String,
+    /// True airspeeds: one, such as "45 kt", FIRST:LAST:STEP with a unit, or a list
+    #[arg(
+        long,
+        alias = "speed",
+        value_name = "SPEEDS",
+        default_value = "0 kt",
+        allow_hyphen_values = true
+    )]
+    pub speeds: String,
     #[command(flatten)]
     pub flight: FlightArgs,
 }
 
 impl PointArgs {
-    /// The condition at `--speed`; the altitude goes into the problem.
-    ///
-    /// # Errors
-    /// As [`FlightArgs::conditions`], or more than one speed.
-    pub fn condition(&self, problem: &mut Problem) -> Result<FlightCondition, CliError> {
-        let usage = |message: String| CliError::Usage {
-            message,
-            help: "write one speed with its unit, such as --speed \"45 kt\"".into(),
-        };
-        let conditions = self.conditions(&self.speed, problem).map_err(|error| match error {
-            CliError::Usage { message, .. } if message.starts_with("--speeds") => {
-                usage(message.replacen("--speeds", "--speed", 1))
-            }
-            other => other,
-        })?;
-        match conditions.as_slice() {
-            [one] => Ok(*one),
-            _ => Err(usage(format!("--speed {:?}: it is more than one speed", self.speed))),
-        }
-    }
-
-    /// The conditions at several speeds.
+    /// The conditions, one a speed; the altitude goes into the problem.
     ///
     /// # Errors
     /// As [`FlightArgs::conditions`].
-    pub fn conditions(
-        &self,
-        speeds: &str,
-        problem: &mut Problem,
-    ) -> Result<Vec<FlightCondition>, CliError> {
-        self.flight.conditions(speeds, problem)
+    pub fn conditions(&self, problem: &mut Problem) -> Result<Vec<FlightCondition>, CliError> {
+        self.flight.conditions(&self.speeds, problem)
     }
 }
 
@@ -379,6 +360,7 @@ pub(super) fn fly(
     problem: &Problem,
     sweeps: &[Vec<FlightCondition>],
     positions: &[bool],
+    system: System,
     quiet: bool,
 ) -> Result<Option<Vec<Flown>>, CliError> {
     let vehicles: Vec<Vehicle> = positions
@@ -400,7 +382,7 @@ pub(super) fn fly(
         })
         .collect();
     progress.finish();
-    output::note(&failures(&points));
+    output::note(&failures(&points, Some(system)));
     let mut lists = Vec::with_capacity(points.len());
     for list in points {
         let trims: Result<Vec<ConvergedTrim>, _> =

@@ -11,7 +11,7 @@ use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunAr
 use super::bode::{speed_key, speed_text};
 use super::models::{Choice, Flown, PointArgs, ReduceArgs, choice_among, fly};
 use super::trim::{Interactions, on_off};
-use super::{CliError, Outcome, output};
+use super::{CliError, Outcome};
 use coaxdesign::linear::floquet::{Floquet, FloquetOptions, analyse, pair_exponents};
 use coaxdesign::linear::linearize::{Options, linearize};
 use coaxdesign::linear::modes::{Mode, modes};
@@ -22,13 +22,17 @@ use coaxdesign::report::figures::{EigenvalueSet, PlaneView, eigenvalue_figure};
 use coaxdesign::report::plot::Legend;
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Highlight, Table};
 use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
+use coaxdesign::trim::ConvergedTrim;
 use coaxdesign::units::{Kind, System};
 
 /// Modes slower than this, rad/s, are shown larger in a second panel of the
 /// plot: those of the airframe.
 const SLOW: f64 = 6.0;
+/// Modes slower than this, rad/s, stand so close to one another that texts
+/// beside them would overlap.
+const CROWDED: f64 = 0.35;
 
-/// Eigenvalues of the linear model of a trim, or its Floquet exponents
+/// Eigenvalues of the linear models of trims, or their Floquet exponents
 #[derive(Debug, Args)]
 pub struct Modes {
     #[command(flatten)]
@@ -54,8 +58,8 @@ pub struct Modes {
     units: UnitsArgs,
     #[command(flatten)]
     output: OutputArgs,
-    /// Plot the eigenvalues to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    /// Plot the eigenvalues; at several speeds their loci
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
@@ -95,6 +99,13 @@ struct Listing {
     rows: Vec<Row>,
 }
 
+/// The modes at one speed.
+struct At {
+    /// True airspeed, m/s.
+    speed: f64,
+    listings: Vec<Listing>,
+}
+
 impl Modes {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.output.check()?;
@@ -109,67 +120,91 @@ impl Modes {
             });
         }
         self.run.start()?;
-        if let Some((set, point)) =
-            self.models.point(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
+        if let Some((set, points)) =
+            self.models.points(&self.problem, self.spec.as_deref(), &self.point, self.run.quiet)?
         {
-            return self.of_models(&set, &point);
+            return self.of_models(&set, &points);
         }
         let mut loaded = self.problem.load_with_warnings(self.run.quiet)?;
-        let condition = self.point.condition(&mut loaded.problem)?;
+        let conditions = self.point.conditions(&mut loaded.problem)?;
         let problem = &loaded.problem;
         let positions = self.interactions.positions();
-        let Some(flown) = fly(problem, &[vec![condition]], positions, self.run.quiet)? else {
+        let system = self.units.of(Some(problem));
+        let Some(flown) =
+            fly(problem, std::slice::from_ref(&conditions), positions, system, self.run.quiet)?
+        else {
             return Ok(Outcome::GoalMissed);
         };
-        let mut listings: Vec<Listing> =
-            flown.par_iter().map(|flown| self.listing(flown)).collect::<Result<_, _>>()?;
-        let knots = Kind::Airspeed.from_si(condition.horizontal_speed(), System::Us);
-        let speed = condition.horizontal_speed();
-        if let Some(published) = published(problem, knots)? {
-            listings.push(published);
-        }
-        self.show(&problem.name, speed, &self.title(), &listings)
+        let points: Vec<At> = conditions
+            .par_iter()
+            .enumerate()
+            .map(|(k, condition)| {
+                let speed = condition.horizontal_speed();
+                let mut listings: Vec<Listing> = flown
+                    .iter()
+                    .map(|flown| self.listing(flown, &flown.sweeps[0][k]))
+                    .collect::<Result<_, _>>()?;
+                listings.extend(published(problem, Kind::Airspeed.from_si(speed, System::Us))?);
+                Ok(At { speed, listings })
+            })
+            .collect::<Result<_, CliError>>()?;
+        self.show(&problem.name, &self.title(), &points, system)
     }
 
-    /// The modes of a linear model from elsewhere.
-    fn of_models(&self, set: &LtiSet, point: &PointModel) -> Result<Outcome, CliError> {
-        let mut note = String::new();
-        let (rows, what) = match self.reduce.apply(&point.model)? {
-            None => (plain(modes(&point.model)?), "modes of the model"),
-            Some(reduced) => {
-                note = reduced.summary(&point.model);
-                (plain(modes(&reduced.model)?), "modes of the reduced model")
-            }
+    /// The modes of linear models from elsewhere.
+    fn of_models(&self, set: &LtiSet, points: &[PointModel]) -> Result<Outcome, CliError> {
+        let what = match self.reduce.reduce {
+            None => "modes of the model",
+            Some(_) => "modes of the reduced model",
         };
-        let listing = Listing {
-            label: point.label.clone(),
-            style: 0,
-            interactions: false,
-            published: false,
-            note,
-            rows,
-        };
-        self.show(&set.name, point.speed, what, &[listing])
+        let points: Vec<At> = points
+            .iter()
+            .map(|point| {
+                let mut note = String::new();
+                let rows = match self.reduce.apply(&point.model)? {
+                    None => plain(modes(&point.model)?),
+                    Some(reduced) => {
+                        note = reduced.summary(&point.model);
+                        plain(modes(&reduced.model)?)
+                    }
+                };
+                let listing = Listing {
+                    label: point.label.clone(),
+                    style: 0,
+                    interactions: false,
+                    published: false,
+                    note,
+                    rows,
+                };
+                Ok(At { speed: point.speed, listings: vec![listing] })
+            })
+            .collect::<Result<_, CliError>>()?;
+        self.show(&set.name, what, &points, self.units.of(None))
     }
 
-    /// Modes at a speed, m/s.
     fn show(
         &self,
         name: &str,
-        speed: f64,
         what: &str,
-        listings: &[Listing],
+        points: &[At],
+        system: System,
     ) -> Result<Outcome, CliError> {
-        let system = self.units.system();
-        let title = format!("{name}: {what} at {}", speed_text(speed, system));
+        let title = |at: &At| format!("{name}: {what} at {}", speed_text(at.speed, system));
         if let Some(path) = &self.plot {
-            let svg = figure(&title, listings).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            let svg = match points {
+                [one] => figure(&title(one), points, system).to_svg(),
+                _ => figure(&format!("{name}: {what} over speed"), points, system).to_svg(),
+            };
+            self.output.write_plot(path, &svg)?;
         }
         let text = match self.format.of(&self.output)? {
-            Format::Table => tables(&title, listings),
-            Format::Csv => csv(listings),
-            Format::Json => json_text(name, speed_key(speed, system), what, listings)?,
+            Format::Table => {
+                let texts: Vec<String> =
+                    points.iter().map(|at| tables(&title(at), &at.listings)).collect();
+                texts.join("\n")
+            }
+            Format::Csv => csv(points, system),
+            Format::Json => json_text(name, what, points, system)?,
         };
         self.output.write(&text)
     }
@@ -182,8 +217,7 @@ impl Modes {
         }
     }
 
-    fn listing(&self, flown: &Flown) -> Result<Listing, CliError> {
-        let trim = &flown.sweeps[0][0];
+    fn listing(&self, flown: &Flown, trim: &ConvergedTrim) -> Result<Listing, CliError> {
         let periodic = linearize(&flown.vehicle, trim, &Options::default())?.model;
         let full = self.model.of(&periodic)?;
         let mut note = String::new();
@@ -399,14 +433,21 @@ fn tables(title: &str, listings: &[Listing]) -> String {
     text
 }
 
-fn csv(listings: &[Listing]) -> String {
-    let floquet = listings.iter().flat_map(|l| &l.rows).any(|row| row.floquet.is_some());
-    let mut all = vec![Column::text("model")];
+fn csv(points: &[At], system: System) -> String {
+    let listings = || points.iter().flat_map(|at| at.listings.iter().map(|l| (at.speed, l)));
+    let floquet = listings().flat_map(|(_, l)| &l.rows).any(|row| row.floquet.is_some());
+    let mut all = vec![
+        Column::number("speed", Kind::Airspeed.symbol(system), Digits::Significant(6)),
+        Column::text("model"),
+    ];
     all.extend(columns(floquet));
     let mut table = Table::new("", all);
-    for listing in listings {
+    for (speed, listing) in listings() {
         for row in &listing.rows {
-            let mut line = vec![Cell::from(listing.label.as_str())];
+            let mut line = vec![
+                Cell::from(Kind::Airspeed.from_si(speed, system)),
+                Cell::from(listing.label.as_str()),
+            ];
             let mut rest = cells(row);
             if floquet && row.floquet.is_none() {
                 let tail = rest.split_off(7);
@@ -420,30 +461,29 @@ fn csv(listings: &[Listing]) -> String {
     table.to_csv()
 }
 
-fn json_text(
-    name: &str,
-    (speed_key, speed): (&str, f64),
-    model: &str,
-    listings: &[Listing],
-) -> Result<String, CliError> {
-    let models: Vec<Json> = listings
-        .iter()
-        .map(|listing| {
-            let rows: Vec<Json> = listing.rows.iter().map(row_json).collect();
-            json!({
-                "label": listing.label,
-                "interactions": listing.interactions,
-                "published": listing.published,
-                "modes": rows,
+fn json_text(name: &str, model: &str, points: &[At], system: System) -> Result<String, CliError> {
+    let point = |at: &At| {
+        let models: Vec<Json> = at
+            .listings
+            .iter()
+            .map(|listing| {
+                let rows: Vec<Json> = listing.rows.iter().map(row_json).collect();
+                json!({
+                    "label": listing.label,
+                    "interactions": listing.interactions,
+                    "published": listing.published,
+                    "modes": rows,
+                })
             })
-        })
-        .collect();
+            .collect();
+        let (key, speed) = speed_key(at.speed, system);
+        json!({key: speed, "models": models})
+    };
     let all = json!({
-        "schema": "coaxdesign.modes/1",
+        "schema": "coaxdesign.modes/2",
         "name": name,
-        speed_key: speed,
         "model": model,
-        "models": models,
+        "points": points.iter().map(point).collect::<Vec<_>>(),
     });
     serde_json::to_string_pretty(&all)
         .map(|text| text + "\n")
@@ -487,23 +527,36 @@ fn row_json(row: &Row) -> Json {
     object
 }
 
-fn figure(title: &str, listings: &[Listing]) -> coaxdesign::report::plot::Figure {
-    let sets: Vec<EigenvalueSet> = listings
-        .iter()
-        .map(|listing| EigenvalueSet {
-            name: listing.label.clone(),
-            style: listing.style,
-            // Conjugates lie in the other half of the plane.
-            values: listing
-                .rows
-                .iter()
-                .flat_map(|row| {
-                    let pair = row.value.im != 0.0;
-                    std::iter::once(row.value).chain(pair.then(|| row.value.conj()))
-                })
-                .collect(),
-        })
-        .collect();
+/// Eigenvalues of all speeds, one set a model. Where there are several speeds,
+/// the slow modes of the first model carry the first and the last of them.
+fn figure(title: &str, points: &[At], system: System) -> coaxdesign::report::plot::Figure {
+    let mut sets: Vec<EigenvalueSet> = Vec::new();
+    let ends = [0, points.len() - 1];
+    for (k, at) in points.iter().enumerate() {
+        for listing in &at.listings {
+            // Models from elsewhere are labelled by their speeds.
+            let place = sets.iter().position(|set| set.style == listing.style);
+            let place = place.unwrap_or_else(|| {
+                sets.push(EigenvalueSet {
+                    name: listing.label.clone(),
+                    style: listing.style,
+                    values: Vec::new(),
+                    labels: Vec::new(),
+                });
+                sets.len() - 1
+            });
+            for row in &listing.rows {
+                // Conjugates lie in the other half of the plane.
+                let pair = row.value.im != 0.0;
+                sets[place].values.push(row.value);
+                sets[place].values.extend(pair.then(|| row.value.conj()));
+                let apart = (CROWDED..SLOW).contains(&row.value.norm());
+                if points.len() > 1 && place == 0 && ends.contains(&k) && apart {
+                    sets[place].labels.push((row.value, speed_text(at.speed, system)));
+                }
+            }
+        }
+    }
     plane(title, &sets)
 }
 

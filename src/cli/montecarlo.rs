@@ -260,7 +260,7 @@ impl MonteCarlo {
             }
             return Ok(text);
         }
-        let system = self.units.system();
+        let system = ready.system(self.units);
         let unit = Kind::Airspeed.symbol(system);
         let mut text = ready.head();
         text += &format!(

@@ -17,6 +17,7 @@ use coaxdesign::pipeline::Requirements;
 use coaxdesign::problem::Loaded;
 use coaxdesign::report::html::Page;
 use coaxdesign::schedule::Schedule;
+use coaxdesign::units::System;
 use gather::{Checked, Study};
 pub(super) use maneuvers::DIRECTORY as FLIGHTS;
 use maneuvers::Flown;
@@ -62,9 +63,13 @@ impl Report {
             _ => None,
         };
         let inputs = Inputs::find(&self.design, &self.sources, true)?;
+        let system = match self.units.units {
+            Some(_) => self.units.of(None),
+            None => inputs.units,
+        };
         let highest = inputs.schedule.points.iter().map(|p| p.speed).fold(0.0, f64::max);
         let speeds = self.speeds.unwrap_or_else(|| default_speeds(highest));
-        let html = page(&inputs, &speeds, self.units, self.run.quiet)?;
+        let html = page(&inputs, &speeds, system, self.run.quiet)?;
         output::write_whole(&path, html.as_bytes(), self.force)?;
         if !self.run.quiet {
             output::note(&format!("Wrote {}.\n", path.display()));
@@ -87,6 +92,8 @@ pub(super) struct Inputs {
     pub problem_name: String,
     /// The specification.
     pub requirements: Requirements,
+    /// Units of the design's results.
+    pub units: System,
 }
 
 impl Inputs {
@@ -99,8 +106,9 @@ impl Inputs {
         let opened = Opened::read(design, sources, quiet)?;
         let checked = gather::verification(&opened.directory)?;
         let flights = maneuvers::read(&opened.directory, &opened.schedule)?;
+        let units = opened.system(UnitsArgs { units: None });
         let Opened { schedule, loaded, problem_name, requirements, .. } = opened;
-        Ok(Self { schedule, checked, flights, loaded, problem_name, requirements })
+        Ok(Self { schedule, checked, flights, loaded, problem_name, requirements, units })
     }
 }
 
@@ -118,11 +126,10 @@ impl Inputs {
 pub(super) fn page(
     inputs: &Inputs,
     speeds: &str,
-    units: UnitsArgs,
+    system: System,
     quiet: bool,
 ) -> Result<String, CliError> {
     let study = Study::new(inputs, speeds, quiet)?;
-    let system = units.system();
     let name = &inputs.loaded.problem.name;
     let mut page = Page::new(&format!("{name}: flight-control design"))
         .summary(&inputs.loaded.problem.description)

@@ -35,7 +35,7 @@ pub struct Rotor {
     #[command(flatten)]
     output: OutputArgs,
     /// Plot the polars to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
@@ -151,7 +151,7 @@ impl Rotor {
         let points: Vec<StandPoint> =
             loads.par_iter().map(|&load| stand.trim(load, flow)).collect();
         let name = &problem.rotors[index].name;
-        let system = self.units.system();
+        let system = self.units.of(Some(problem));
         let title = format!("{}: rotor {name} on a stand", problem.name);
         let text = match self.format.of(&self.output)? {
             Format::Table => table(&title, &points, system).to_text(Coloring::for_stdout()),
@@ -160,7 +160,7 @@ impl Rotor {
         };
         if let Some(path) = &self.plot {
             let svg = figure(&title, &points).to_svg();
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         self.output.write(&text)?;
         let mut failed = false;

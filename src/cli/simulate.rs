@@ -38,7 +38,7 @@ pub struct Simulate {
     #[arg(long, value_name = "TIME")]
     interval: Option<String>,
     /// Plot the flight to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
@@ -140,7 +140,7 @@ impl Simulate {
         }
         let form = self.output.file().map(history_form).transpose()?;
         let ready = self.fly.ready(self.run.quiet)?;
-        let system = self.units.system();
+        let system = ready.system(self.units);
         let every = self.every()?;
         let keep = self.plot.is_some() || form == Some(History::Json);
         let mut kept = Vec::new();
@@ -180,7 +180,7 @@ impl Simulate {
         if let Some(path) = &self.plot {
             let rows = flown.revolution * self.fly.control_rate / every as f64;
             let svg = figure(&ready, status, &kept, rows.round() as usize, system);
-            output::write_whole(path, svg.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &svg)?;
         }
         match self.format.shown() {
             Format::Json => output::print(&pretty(&summary)?)?,

@@ -39,7 +39,7 @@ pub struct Trim {
     #[command(flatten)]
     output: OutputArgs,
     /// Plot the trim curves to an SVG file
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Add a table of induced, profile and parasite power, C_T/σ and figures of merit
     #[arg(long)]
@@ -256,12 +256,12 @@ impl Trim {
             None => trim_all(problem, &conditions, positions, self.run.quiet)?,
             Some(power) => trim_all_at_power(problem, &conditions, power, positions)?,
         };
+        let system = self.units.of(Some(problem));
         if self.trace {
             for point in points.iter().flatten() {
-                output::note(&trace(point));
+                output::note(&trace(point, system));
             }
         }
-        let system = self.units.system();
         let text = match self.format.of(&self.output)? {
             Format::Table => table(problem, &points, system, self.losses),
             Format::Csv => csv(problem, &points, system),
@@ -269,14 +269,14 @@ impl Trim {
         };
         if let Some(path) = &self.plot {
             let figure = figure(problem, &points, system).to_svg();
-            output::write_whole(path, figure.as_bytes(), self.output.force)?;
+            self.output.write_plot(path, &figure)?;
         }
         self.output.write(&text)?;
-        let remarks = remarks(problem, &points);
+        let remarks = remarks(problem, &points, system);
         if !remarks.is_empty() {
             output::note(&remarks);
         }
-        let failures = failures(&points);
+        let failures = failures(&points, Some(system));
         if failures.is_empty() {
             Ok(Outcome::Done)
         } else {
@@ -826,13 +826,17 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             "figure_of_merit".into(),
             format!("profile_power_{power}"),
             format!("induced_power_{power}"),
+            "stalled_share".into(),
+            "drag_divergence_share".into(),
+            "reversed_share".into(),
         ] {
             head.push(format!("{}.{column}", rotor.name));
         }
     }
     head.push(format!("total_power_{power}"));
     head.extend(PARTS.iter().map(|part| format!("{part}_power_{power}")));
-    head.extend(["residual_norm".into(), "iterations".into()]);
+    head.extend(["climb_rate_m_s", "turn_rate_rad_s"].map(String::from));
+    head.extend(["branch", "residual_norm", "iterations"].map(String::from));
     let mut text = head.join(",") + "\n";
     for point in sweeps.iter().flatten() {
         let [roll, pitch] = attitude(point);
@@ -859,9 +863,18 @@ fn csv(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
             row.push(mean.figure_of_merit.map_or_else(String::new, number));
             row.push(number(watt(mean.profile_power)));
             row.push(number(watt(mean.induced_power)));
+            let census = &mean.census;
+            row.extend(if census.is_empty() {
+                [const { String::new() }; 3]
+            } else {
+                [census.stalled(), census.diverging(), census.reversed()].map(number)
+            });
         }
         row.push(number(watt(point.power.shaft)));
         row.extend(parts(point).map(|part| number(watt(part))));
+        row.push(number(point.condition.climb_rate));
+        row.push(number(point.condition.turn_rate));
+        row.push(point.branch.word().into());
         row.push(number(point.residual_norm));
         row.push(point.iterations.to_string());
         text += &(row.join(",") + "\n");
@@ -934,10 +947,11 @@ pub(super) fn curves(
 }
 
 /// Iterations of a point, for `--trace`.
-fn trace(point: &TrimPoint) -> String {
+fn trace(point: &TrimPoint, system: System) -> String {
     let mut text = format!(
-        "{:.1} kt, interactions {}: {} steps a period\n",
-        Kind::Airspeed.from_si(point.condition.horizontal_speed(), System::Us),
+        "{:.1} {}, interactions {}: {} steps a period\n",
+        Kind::Airspeed.from_si(point.condition.horizontal_speed(), system),
+        Kind::Airspeed.symbol(system),
         on_off(point.interactions),
         point.steps
     );
@@ -960,8 +974,12 @@ fn trace(point: &TrimPoint) -> String {
     text
 }
 
-/// A condition in a few words.
-fn place(condition: &FlightCondition, system: System) -> String {
+/// A condition in a few words; in both systems of units where none is asked for.
+fn place(condition: &FlightCondition, system: Option<System>) -> String {
+    let Some(system) = system else {
+        let [us, si] = [System::Us, System::Si].map(|system| place(condition, Some(system)));
+        return format!("{us} ({si})");
+    };
     let shown = |kind: Kind, value: f64, digits: usize| {
         format!("{:.digits$} {}", kind.from_si(value, system), kind.symbol(system))
     };
@@ -983,8 +1001,8 @@ fn place(condition: &FlightCondition, system: System) -> String {
 }
 
 /// What did not trim and why, and trims that do not continue level flight.
-pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
-    let system = System::Us;
+/// Speeds are in the units asked for, or in both.
+pub(super) fn failures(sweeps: &[Vec<TrimPoint>], system: Option<System>) -> String {
     let mut text = String::new();
     for point in sweeps.iter().flatten() {
         let place_of = format!(
@@ -1024,8 +1042,8 @@ pub(super) fn failures(sweeps: &[Vec<TrimPoint>]) -> String {
 }
 
 /// Trims that are not what the name promises at first sight.
-pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>]) -> String {
-    let system = System::Us;
+pub(super) fn remarks(problem: &Problem, sweeps: &[Vec<TrimPoint>], system: System) -> String {
+    let system = Some(system);
     let mut text = String::new();
     for point in sweeps.iter().flatten().filter(|point| point.on_orbit()) {
         let place_of = format!(

@@ -52,9 +52,9 @@ pub struct Tune {
     /// Outer loops to tune; the inner axes are always tuned
     #[arg(long = "axis", value_enum, value_name = "AXIS")]
     axes: Vec<AxisName>,
-    /// Write the plots (SVG) to the output directory
-    #[arg(long, requires = "output")]
-    plot: bool,
+    /// Write plots of the gains, margins and loops to the output directory, as SVG
+    #[arg(long, alias = "plot", requires = "output")]
+    plots: bool,
     /// Show the price of every target at every speed, and explain the hardest speed of every axis
     #[arg(long)]
     explain: bool,
@@ -159,9 +159,9 @@ impl Tune {
             None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
         };
         let requirements = chosen.as_ref().map_or(&own, |chosen| &chosen.requirements);
-        let system = self.units.system();
+        let system = self.units.of(chosen.as_ref().map(|chosen| &chosen.loaded.problem));
         let paths =
-            self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plot));
+            self.output.as_ref().map(|d| Paths::new(d, &requirements.specification, self.plots));
         if let Some(paths) = &paths {
             for path in paths.all() {
                 if path.exists() && !self.force {
@@ -191,7 +191,7 @@ impl Tune {
         let json_text = || verification_text(verified, explanations, prices);
         if let Some(paths) = &paths {
             let mut files = design_files(&tuned)?;
-            if self.plot {
+            if self.plots {
                 for (name, figure) in
                     figures(&design.table, nodes, spec, &verified.verification, system)?
                 {

@@ -55,7 +55,8 @@ impl Verify {
         if self.nominal_only {
             spec.models.truncate(1);
         }
-        let system = self.units.system();
+        let system =
+            opened.as_ref().map_or(self.units.of(None), |opened| opened.system(self.units));
         let watch = Watch::new(quiet);
         let verified = match (&set, &opened) {
             (Some(set), _) => verify_models(&load_schedule(&self.design)?, set, &spec, &watch)?,
@@ -84,12 +85,14 @@ impl Verify {
                     opened.as_ref().map_or(value.clone(), |opened| opened.with_head(&value));
                 serde_json::to_string_pretty(&value).map_err(internal)? + "\n"
             }
-            Format::Csv => rows_table(&verified.verification, system, true).to_csv(),
+            Format::Csv => {
+                let table = rows_table(&verified.verification, system, true);
+                opened.as_ref().map_or(table.clone(), |opened| opened.with_columns(table)).to_csv()
+            }
             Format::Table => {
                 format!("{head}\n")
                     + &report_text(&verified.verification, system, Coloring::for_stdout())
                     + &authority_text(&verified.authority, system)
-                    + &misses_text(&verified.verification, system)
                     + &misses_text(&verified.verification, system)
                     + &left_out_text(&verified.left_out, system)
             }

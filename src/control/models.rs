@@ -15,7 +15,7 @@ use crate::problem::{Problem, STICKS};
 use crate::trim::condition::FlightCondition;
 use crate::trim::solve::{Options, TrimPoint as Trim};
 use crate::trim::sweep::sweep;
-use crate::units::{KNOT, Kind};
+use crate::units::Kind;
 use crate::vehicle::{Vehicle, VehicleError};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -96,16 +96,15 @@ pub enum ModelsError {
     },
     /// No speed of the set.
     #[error(
-        "none of the speeds asked for, {asked:?} kt, is among those of the set of models, {low:.0} to \
-         {high:.0} kt"
+        "none of the speeds asked for, {asked}, is among those of the set of models, {low} to {high}"
     )]
     NoSpeed {
-        /// Speeds asked for, kt.
-        asked: Vec<f64>,
-        /// Least speed of the set, kt.
-        low: f64,
-        /// Greatest speed of the set, kt.
-        high: f64,
+        /// Speeds asked for, in words.
+        asked: String,
+        /// Least speed of the set, in words.
+        low: String,
+        /// Greatest speed of the set, in words.
+        high: String,
     },
     /// The caller asked to stop.
     #[error("stopped before the end")]
@@ -307,21 +306,22 @@ pub fn from_set(
             .collect::<Result<_, ModelsError>>()?;
         columns.push(column);
     }
+    let words = |v: &f64| Kind::Airspeed.in_both(*v);
     let inside = |v: f64| v >= low - BEYOND && v <= high + BEYOND;
     let mut left_out = Vec::new();
     for speed in speeds.iter().filter(|v| !inside(**v)) {
         left_out.extend(models.iter().map(|model| LeftOut {
             model: model.info.name.clone(),
             speed: *speed,
-            reason: format!("the set of models is for {:.0} to {:.0} kt", low / KNOT, high / KNOT),
+            reason: format!("the set of models is for {} to {}", words(&low), words(&high)),
         }));
     }
     let count = columns.first().map_or(0, Vec::len);
     if count == 0 {
         return Err(ModelsError::NoSpeed {
-            asked: speeds.iter().map(|v| (v / KNOT * 10.0).round() / 10.0).collect(),
-            low: low / KNOT,
-            high: high / KNOT,
+            asked: speeds.iter().map(words).collect::<Vec<_>>().join(", "),
+            low: words(&low),
+            high: words(&high),
         });
     }
     let plants =

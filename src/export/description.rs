@@ -712,10 +712,10 @@ fn constant(schedule: &Schedule, off_trim: &OffTrim, name: &str) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample;
     use super::*;
     use crate::control::plant::RIGID_STATES;
     use crate::law::tables::{CHANNELS, STATES};
+    use crate::schedule::sample;
 
     /// Names of states are those of the control stage.
     #[test]

@@ -772,8 +772,9 @@ fn complete(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Format, Options, Precision, export, sample};
+    use super::super::{Format, Options, Precision, export};
     use super::*;
+    use crate::schedule::sample;
     use crate::units::KNOT;
 
     fn files(format: Format) -> Vec<u8> {

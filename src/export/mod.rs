@@ -8,7 +8,6 @@
 //! * [`vectors`]: what the law answers, to compare with.
 //! * [`import`]: the way back.
 //! * [`schema`]: JSON Schemas of `schedule.json` and of the JSON export.
-//! * [`sample`]: a small schedule to prove exports on.
 
 mod ardupilot;
 mod c;
@@ -21,7 +20,6 @@ mod jsbsim;
 pub mod matlab;
 mod python;
 mod rust;
-pub mod sample;
 pub mod schema;
 pub mod text;
 mod toml;

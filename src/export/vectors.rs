@@ -248,9 +248,9 @@ pub(super) fn files(input: &Input) -> Result<Vec<File>, ExportError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample;
     use super::*;
     use crate::control::law::ATTITUDE_LIMIT;
+    use crate::schedule::sample;
 
     /// The law answers as it did when it was last flown against its exports:
     /// a regression, every fifth of a second of the sequence.

@@ -6,7 +6,7 @@ use super::LinearError;
 use super::dense::{balance, eigenvalues};
 use super::frequency::{ErrorOptions, ResponseError, response_error};
 use super::model::StateSpace;
-use crate::units::KNOT;
+use crate::units::Kind;
 
 /// How entries of the matrices run between the speeds of a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -66,8 +66,8 @@ impl ModelSet {
                 || model.outputs() != first.outputs()
             {
                 return Err(LinearError::Domain(format!(
-                    "the model at {:.1} kt has other states, inputs or outputs than the first",
-                    speed / KNOT
+                    "the model at {} has other states, inputs or outputs than the first",
+                    Kind::Airspeed.in_both(*speed)
                 )));
             }
         }
@@ -117,10 +117,10 @@ impl ModelSet {
         let (low, high) = (self.speeds[0], self.speeds[self.speeds.len() - 1]);
         if !(speed >= low && speed <= high) {
             return Err(LinearError::Domain(format!(
-                "{:.2} kt is outside the speeds of the model set, {:.2} to {:.2} kt",
-                speed / KNOT,
-                low / KNOT,
-                high / KNOT
+                "{} is outside the speeds of the model set, {} to {}",
+                Kind::Airspeed.in_both(speed),
+                Kind::Airspeed.in_both(low),
+                Kind::Airspeed.in_both(high)
             )));
         }
         let weights = self.weights(speed, how);
@@ -236,8 +236,8 @@ pub fn check_interpolation(
         || actual.outputs() != guess.outputs()
     {
         return Err(LinearError::Domain(format!(
-            "the model at {:.1} kt has other states, inputs or outputs than the set",
-            speed / KNOT
+            "the model at {} has other states, inputs or outputs than the set",
+            Kind::Airspeed.in_both(speed)
         )));
     }
     // States of unlike units are brought to like size by balancing.

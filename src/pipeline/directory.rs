@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use super::requirements::{Requirements, problem_hash};
 use crate::problem::{self, Loaded, Report};
 use crate::schedule::hash;
+use crate::units::System;
 
 /// Schema of `design.json`.
 pub const SCHEMA: &str = "coaxdesign.design/2";
@@ -190,6 +191,16 @@ pub struct DesignInputs {
 }
 
 impl Note {
+    /// The units that the design was asked for in, if the note says them.
+    #[must_use]
+    pub fn units(&self) -> Option<System> {
+        match self.options.get("units").map(String::as_str) {
+            Some("us") => Some(System::Us),
+            Some("si") => Some(System::Si),
+            _ => None,
+        }
+    }
+
     /// A note of these inputs, without stages.
     #[must_use]
     pub fn new(aircraft: &Loaded, requirements: &Requirements) -> Self {

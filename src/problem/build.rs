@@ -94,6 +94,11 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         "coax2d-paper" => Some(Reference::Coax2dPaper),
         _ => None,
     };
+    let units = match root.choice("units")? {
+        "us" => Some(System::Us),
+        "si" => Some(System::Si),
+        _ => None,
+    };
     let mut rotors: Vec<Rotor> = rotors.into_iter().collect::<Option<_>>()?;
     if reference == Some(Reference::Coax2dPaper) {
         // The paper holds the speed.
@@ -107,6 +112,7 @@ pub(super) fn problem(host: &mut dyn Host, root: &CheckedTable, lenient: bool) -
         name: root.text("name")?.into(),
         description: root.text("description")?.into(),
         reference,
+        units,
         mass: mass?,
         atmosphere: atmosphere?,
         fuselages: fuselages.into_iter().collect::<Option<_>>()?,

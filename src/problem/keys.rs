@@ -1163,6 +1163,17 @@ pub static ROOT: Table = Table {
             "\"none\"",
             "Publication whose numbers are shown beside the results.",
         ),
+        default(
+            "units",
+            Value::Choice(&[
+                ("none", "US customary units"),
+                ("us", "US customary units: ft, lb, slug, hp, kt"),
+                ("si", "SI units: m, kg, N, kW, m/s"),
+            ]),
+            "\"none\"",
+            "Units that results are shown in where `--units` does not say otherwise. Values in the \
+             file carry their own.",
+        ),
         required("mass", Value::Table(&MASS), "Mass properties."),
         default("atmosphere", Value::Table(&ATMOSPHERE), "{}", "The air to fly in."),
         default("fuselages", Value::Named(&FUSELAGE, "fuselage"), "{}", "Fuselage bodies."),

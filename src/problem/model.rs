@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+use crate::units::System;
+
 /// A rotorcraft and the modelling choices to fly it with.
 #[derive(Debug, Clone)]
 pub struct Problem {
@@ -16,6 +18,8 @@ pub struct Problem {
     pub description: String,
     /// Publication whose numbers are shown beside the results.
     pub reference: Option<Reference>,
+    /// Units that results are shown in, if the file states them.
+    pub units: Option<System>,
     /// Mass, centre of gravity and inertia of the whole aircraft.
     pub mass: MassProperties,
     /// Air that the aircraft flies in.

@@ -201,6 +201,8 @@ pub struct EigenvalueSet {
     pub style: usize,
     /// Eigenvalues, rad/s.
     pub values: Vec<Complex64>,
+    /// Texts beside some of them, such as the speed at which a locus begins.
+    pub labels: Vec<(Complex64, String)>,
 }
 
 /// A window on the complex plane.
@@ -290,6 +292,12 @@ fn plane(sets: &[EigenvalueSet], view: &PlaneView, symmetric: bool) -> Panel {
             .map(|v| [v.re, v.im])
             .collect();
         panel = panel.line(Series::from_points(&set.name, points).style(set.style).scatter());
+        let inside = |v: &Complex64| {
+            (real.0..=real.1).contains(&v.re) && (imaginary.0..=imaginary.1).contains(&v.im)
+        };
+        for (at, text) in set.labels.iter().filter(|(at, _)| inside(at)) {
+            panel = panel.text(at.re, at.im, text, Anchor::Left);
+        }
     }
     panel
 }

@@ -94,7 +94,61 @@ pub struct Column {
     digits: Digits,
 }
 
+/// A Greek letter's name.
+fn greek(c: char) -> Option<&'static str> {
+    Some(match c {
+        'α' => "alpha",
+        'β' => "beta",
+        'δ' | 'Δ' => "delta",
+        'ζ' => "zeta",
+        'η' => "eta",
+        'θ' => "theta",
+        'κ' => "kappa",
+        'λ' => "lambda",
+        'µ' | 'μ' => "mu",
+        'ν' => "nu",
+        'ρ' => "rho",
+        'σ' | 'Σ' => "sigma",
+        'τ' => "tau",
+        'φ' => "phi",
+        'χ' => "chi",
+        'ψ' => "psi",
+        'ω' | 'Ω' => "omega",
+        _ => return None,
+    })
+}
+
 impl Column {
+    /// Name and unit in lower-case ASCII letters, digits and `_`: `speed_kt`,
+    /// `turn_rate_rad_s`. A column without a name is the result.
+    fn identifier(&self) -> String {
+        if self.name.is_empty() && self.unit.is_empty() {
+            return "result".into();
+        }
+        let mut text = String::new();
+        let mut gap = false;
+        for c in format!("{} {}", self.name, self.unit).chars() {
+            let word: String = match c {
+                '%' => " percent".into(),
+                '₀'..='₉' => char::from(b'0' + (c as u32 - '₀' as u32) as u8).into(),
+                c if c.is_ascii_alphanumeric() => c.to_ascii_lowercase().into(),
+                c => greek(c).unwrap_or(" ").into(),
+            };
+            for c in word.chars() {
+                if c == ' ' {
+                    gap = true;
+                    continue;
+                }
+                if gap && !text.is_empty() {
+                    text.push('_');
+                }
+                gap = false;
+                text.push(c);
+            }
+        }
+        text
+    }
+
     /// A column of text.
     #[must_use]
     pub fn text(name: &str) -> Self {
@@ -461,8 +515,20 @@ impl Table {
         out
     }
 
-    /// The table as CSV (RFC 4180): one header line with units in brackets, and
-    /// numbers in full precision, whatever the digits of the columns.
+    /// The table with columns before its own that hold one text in every row,
+    /// such as the design that the rows are of.
+    #[must_use]
+    pub fn with_texts_before(mut self, texts: &[(&str, &str)]) -> Self {
+        self.columns.splice(0..0, texts.iter().map(|(name, _)| Column::text(name)));
+        for row in &mut self.rows {
+            row.splice(0..0, texts.iter().map(|(_, text)| Cell::from(*text)));
+        }
+        self
+    }
+
+    /// The table as CSV (RFC 4180): one header line of identifiers that end in
+    /// the unit, such as `speed_kt`, and numbers in full precision, whatever the
+    /// digits of the columns.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let quote = |text: &str| {
@@ -473,17 +539,15 @@ impl Table {
             }
         };
         let mut out = String::new();
-        let headers: Vec<String> = self
-            .columns
-            .iter()
-            .map(|c| {
-                if c.unit.is_empty() {
-                    quote(&c.name)
-                } else {
-                    quote(&format!("{} ({})", c.name, c.unit))
-                }
-            })
-            .collect();
+        let mut headers: Vec<String> = Vec::with_capacity(self.columns.len());
+        for column in &self.columns {
+            let name = column.identifier();
+            let same = |h: &String| *h == name || h.starts_with(&format!("{name}_of_"));
+            match headers.iter().filter(|h| same(h)).count() {
+                0 => headers.push(name),
+                before => headers.push(format!("{name}_of_{}", before + 1)),
+            }
+        }
         out.push_str(&headers.join(","));
         out.push_str("\r\n");
         for row in &self.rows {
@@ -601,15 +665,40 @@ hover          3.41   74.88   converged
         );
         assert_eq!(
             table.to_csv(),
-            "spec,margin (%)\r\na|b,12.345678901\r\n\"say \"\"x, y\"\"\",0\r\n"
+            "spec,margin_percent\r\na|b,12.345678901\r\n\"say \"\"x, y\"\"\",0\r\n"
         );
+    }
+
+    #[test]
+    fn heads_of_csv_are_identifiers_that_name_the_unit_and_differ() {
+        let column = |name: &str, unit: &str| Column::number(name, unit, Digits::Decimals(1));
+        let mut table = Table::new(
+            "",
+            vec![
+                column("speed", "kt"),
+                column("θ₀", "deg"),
+                column("C_T/σ upper", ""),
+                column("turn rate", "rad/s"),
+                column("GM up", "dB"),
+                column("torque", "lbf ft"),
+                column("activity", "%"),
+                column("phase", "deg"),
+                column("phase", "deg"),
+                column("", ""),
+            ],
+        );
+        table.row([1.0]);
+        let csv = table.with_texts_before(&[("design", "a,b")]).to_csv();
+        let heads = "design,speed_kt,theta0_deg,c_t_sigma_upper,turn_rate_rad_s,gm_up_db,\
+                     torque_lbf_ft,activity_percent,phase_deg,phase_deg_of_2,result";
+        assert_eq!(csv, format!("{heads}\r\n\"a,b\",1,,,,,,,,,\r\n"));
     }
 
     #[test]
     fn csv_reads_back_by_an_independent_reader() {
         let csv = sample().to_csv();
         let mut reader = csv::Reader::from_reader(csv.as_bytes());
-        assert_eq!(reader.headers().unwrap().get(1), Some("θ (deg)"));
+        assert_eq!(reader.headers().unwrap().get(1), Some("theta_deg"));
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
         assert_eq!(rows.len(), 3);
         assert_eq!(rows[1][2].parse::<f64>().unwrap(), 8.125);

@@ -421,7 +421,7 @@ pub(super) fn trim(inputs: &Inputs, study: &Study, system: System) -> Section {
     let caption = &format!("{caption}{}", printed(problem, "Figs. 13 and 14"));
     let mut section =
         Section::new("Trim").figure(trim_curves(problem, &study.sweeps, system), caption);
-    let failed = failures(&study.sweeps);
+    let failed = failures(&study.sweeps, Some(system));
     if !failed.is_empty() {
         section = section.preformatted("What did not trim, and why", failed.trim_end());
     }
@@ -609,7 +609,12 @@ pub(super) fn modes(inputs: &Inputs, study: &Study) -> Result<Section, CliError>
     let mut table = modes_table();
     let mut add = |name: &str, style: usize, model: &StateSpace| -> Result<(), LinearError> {
         let found = modes_of(model)?;
-        sets.push(EigenvalueSet { name: name.into(), style, values: with_conjugates(&found) });
+        sets.push(EigenvalueSet {
+            name: name.into(),
+            style,
+            values: with_conjugates(&found),
+            labels: Vec::new(),
+        });
         for mode in &found {
             table.row(mode_cells(name, mode));
         }

@@ -22,8 +22,8 @@ const MERIT_TOLERANCE: f64 = 2e-5;
 /// small against a step that matters, wide against the answer's accuracy.
 const PRICE_REGION: f64 = 0.05;
 
-/// Violations above this, in slack units, are misses, and have no price.
-const PRICED: f64 = 2e-3;
+/// A slack above this in the program of the prices is a miss, which has no price.
+const SLACK: f64 = 1e-3;
 /// Stick activity below this, % per unit of noise, is none: no share of it is a
 /// price.
 const LEAST_ACTIVITY: f64 = 1e-3;
@@ -156,8 +156,10 @@ impl ChannelProblem<'_> {
             own[site.speed] = squared / self.reference_activity[site.speed];
             absent[site.speed] = squared < LEAST_ACTIVITY * LEAST_ACTIVITY;
         }
-        let Some(merit) = self.merit(&x, None) else { return Ok(Vec::new()) };
-        let priced = |v: usize| !absent[v] && merit.violation[v].iter().all(|m| *m <= PRICED);
+        let slack = |v: usize, k: usize| {
+            solved.solution.x[self.speeds.len() * self.gain_count() + v * KINDS + k]
+        };
+        let priced = |v: usize| !absent[v] && (0..KINDS).all(|k| slack(v, k) < SLACK);
         let mut out = Vec::new();
         for (v, totals) in totals.iter().enumerate().filter(|(v, _)| priced(*v)) {
             for target in Target::PRICED {

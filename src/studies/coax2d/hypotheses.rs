@@ -5,7 +5,7 @@
 //! says what is changed. Whoever doubts a figure runs the file:
 //!
 //! ```sh
-//! coaxdesign linearize src/studies/coax2d/hypotheses/changed-sign.toml --speed "0 kt" --reduce residualize
+//! coaxdesign linearize src/studies/coax2d/hypotheses/changed-sign.toml --speeds "0 kt" --reduce residualize
 //! ```
 
 use super::appendix::{Condition, appendix};

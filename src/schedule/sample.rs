@@ -1,9 +1,10 @@
-//! A small schedule to prove exports on.
+//! A small schedule to prove readers and exports on.
 //!
 //! It is made from published matrices with gains of the right size and a trim
 //! that differs in every number from speed to speed, so that a table that is
 //! mixed up or read by the wrong rule shows. It is no design.
 
+use super::{Provenance, Schedule, hash};
 use crate::control::axis::{Channel, GainSet};
 use crate::control::law::{LawPoint, LawTable};
 use crate::control::loops::LawSettings;
@@ -11,7 +12,6 @@ use crate::control::plant::Inversion;
 use crate::control::spec::TurnCoordination;
 use crate::control::testbed;
 use crate::control::tuning::start_gains;
-use crate::schedule::{Provenance, Schedule, hash};
 use crate::units::KNOT;
 
 /// Breakpoints, kt: not evenly spaced.
