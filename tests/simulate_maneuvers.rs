@@ -134,7 +134,7 @@ fn coasting_rotors_lose_the_power_of_level_flight() {
         problem.rotors.iter().map(|r| r.blades as f64 * r.blade_second_moment).sum()
     };
     let lost = (speeds[0] - speeds[half]) / (half as f64 * 0.01);
-    let expected = metrics.power.mean_w / (vehicle.reference_speed * inertia);
+    let expected = metrics.power.unwrap().mean_w / (vehicle.reference_speed * inertia);
     assert!((lost / expected - 1.0).abs() < 0.15, "{lost} rad/s², expected {expected}");
 }
 

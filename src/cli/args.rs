@@ -72,7 +72,7 @@ pub(super) fn show_warnings(loaded: &Loaded) {
 }
 
 /// `--models SET`.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct ModelsArgs {
     /// Linear models from elsewhere instead of a problem: a directory of CSV tables, or a JSON,
     /// MAT or CSV file

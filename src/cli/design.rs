@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::args::{ProblemArgs, RunArgs, UnitsArgs};
+use super::args::{ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::designs::{Chosen, SourceArgs, lock};
 use super::export::{Export, FormatName};
 use super::fly::{CONTROL_RATE, FlyArgs, STEPS};
@@ -485,6 +485,7 @@ impl Design {
                 let fly = FlyArgs {
                     design: Some(directory.clone()),
                     maneuver: directory.join(plan.maneuver_file()),
+                    models: ModelsArgs::default(),
                     sources: SourceArgs::default(),
                     model: Vec::new(),
                     seed: 0,

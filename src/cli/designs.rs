@@ -9,8 +9,11 @@ use serde_json::{Map, Value as Json, json};
 use super::args::{ProblemArgs, UnitsArgs};
 use super::tune::{SpecArgs, usage};
 use super::{CliError, output};
+use coaxdesign::lti::LtiSet;
+use coaxdesign::lti::mapping::Mapping;
+use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::pipeline::directory::{DesignInputs, DirectoryError, NOTE, Note};
-use coaxdesign::pipeline::{DirectoryLock, Requirements, problem_hash};
+use coaxdesign::pipeline::{DirectoryLock, PipelineError, Requirements, models_hash, problem_hash};
 use coaxdesign::problem::{self, Loaded};
 use coaxdesign::report::table::Table;
 use coaxdesign::schedule::Schedule;
@@ -50,6 +53,70 @@ pub struct Opened {
     pub requirements: Requirements,
     /// The units that the design was asked for in.
     units: Option<System>,
+}
+
+/// What is flown or verified: an aircraft, or linear models from elsewhere.
+#[derive(Debug)]
+pub enum Craft {
+    /// A problem.
+    Problem(Box<Loaded>),
+    /// A set of linear models, and the stitched model of it.
+    Models(Box<LtiSet>, Box<Stitched>),
+}
+
+impl Craft {
+    /// A set of models, stitched.
+    ///
+    /// # Errors
+    /// A set that cannot be stitched.
+    pub fn of_models(set: LtiSet, mapping: &Mapping) -> Result<Self, CliError> {
+        let model = Stitched::new(&set, mapping.inertia).map_err(PipelineError::from)?;
+        Ok(Self::Models(Box::new(set), Box::new(model)))
+    }
+
+    /// Name of the aircraft.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Problem(loaded) => &loaded.problem.name,
+            Self::Models(set, _) => &set.name,
+        }
+    }
+
+    /// Names of the rotors; none of models.
+    pub fn rotors(&self) -> Vec<&str> {
+        match self {
+            Self::Problem(loaded) => {
+                loaded.problem.rotors.iter().map(|rotor| rotor.name.as_str()).collect()
+            }
+            Self::Models(..) => Vec::new(),
+        }
+    }
+}
+
+/// Refuses models that a design was not made for.
+///
+/// # Errors
+/// Another set than the schedule's, unless `other` says that it is meant.
+pub fn check_models(
+    design: &Path,
+    schedule: &Schedule,
+    set: &LtiSet,
+    other: bool,
+) -> Result<(), CliError> {
+    let (wanted, found) = (&schedule.provenance.problem_hash, models_hash(set));
+    if !known(wanted) || found == *wanted || other {
+        return Ok(());
+    }
+    Err(usage(
+        format!(
+            "{} was made for '{}' (hash {wanted}), but the models are '{}' (hash {found})",
+            design.display(),
+            schedule.name,
+            set.name
+        ),
+        "name the set that the design was tuned on, tune anew with `coaxdesign tune-gains --models \
+         SET -o DIR`, or add --other-aircraft to go on all the same",
+    ))
 }
 
 /// The directory of a design that is named by it or by its schedule.

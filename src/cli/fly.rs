@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::args::{ProblemArgs, UnitsArgs};
-use super::designs::{Opened, SourceArgs};
+use super::args::{ModelsArgs, ProblemArgs, UnitsArgs};
+use super::designs::{Craft, Opened, SourceArgs, check_models, load_schedule};
 use super::tune::SpecArgs;
+use super::watch::Watch;
 use super::{CliError, output};
 use coaxdesign::control::plant::Hardware;
-use coaxdesign::problem::Loaded;
+use coaxdesign::pipeline::{FlightPlan, Flown, fly, fly_models};
 use coaxdesign::schedule::Schedule;
 use coaxdesign::simulate::Options;
 use coaxdesign::simulate::maneuver::{self, Maneuver, Mode};
 use coaxdesign::simulate::montecarlo::Variation;
+use coaxdesign::simulate::record::Column;
 use coaxdesign::units::{Kind, System, parse_quantity};
 
 /// Rate of the control computer unless another is named, Hz.
@@ -35,6 +37,8 @@ pub struct FlyArgs {
     pub maneuver: PathBuf,
     #[command(flatten)]
     pub sources: SourceArgs,
+    #[command(flatten)]
+    pub models: ModelsArgs,
     /// Vary the model: interactions=on|off, mass=FACTOR, inertia=FACTOR, cg=LENGTH (aft),
     /// delay=TIME (extra), turbulence=SPEED (wind at 20 ft), inflow=FACTOR (of rotors on one
     /// another), gust-forward|gust-right|gust-up=SPEED (met half way), governor=TIME (constant)
@@ -118,8 +122,8 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
 pub struct Ready {
     /// The design, if one is named.
     pub opened: Option<Opened>,
-    /// The problem as read.
-    pub loaded: Loaded,
+    /// The aircraft as read, or the models.
+    pub craft: Craft,
     /// How it is varied.
     pub variation: Variation,
     /// The schedule, if there is one.
@@ -137,16 +141,41 @@ impl Ready {
     pub fn system(&self, asked: UnitsArgs) -> System {
         match &self.opened {
             Some(opened) => opened.system(asked),
-            None => asked.of(Some(&self.loaded.problem)),
+            None => asked.of(match &self.craft {
+                Craft::Problem(loaded) => Some(&loaded.problem),
+                Craft::Models(..) => None,
+            }),
         }
     }
 
     /// What the flight is of, in a line.
     pub fn head(&self) -> String {
         self.opened.as_ref().map_or_else(
-            || format!("no design: aircraft {}\n", self.loaded.problem.name),
+            || match &self.craft {
+                Craft::Problem(loaded) => {
+                    format!("no design: aircraft {}\n", loaded.problem.name)
+                }
+                Craft::Models(set, _) => format!("stitched linear models: {}\n", set.name),
+            },
             Opened::head,
         )
+    }
+
+    /// Flies a plan with the aircraft or the models.
+    ///
+    /// # Errors
+    /// As [`fly`] and [`fly_models`].
+    pub fn fly(
+        &self,
+        plan: &FlightPlan,
+        watch: &Watch,
+        row: impl FnMut(&[Column], &[f64]) -> Result<(), CliError>,
+    ) -> Result<Flown, CliError> {
+        let schedule = self.schedule.as_ref();
+        match &self.craft {
+            Craft::Problem(loaded) => fly(&loaded.problem, schedule, plan, watch, row),
+            Craft::Models(_, model) => fly_models(model, schedule, plan, watch, row),
+        }
     }
 }
 
@@ -158,8 +187,11 @@ impl FlyArgs {
         let path = |path: &Path| path.display().to_string();
         words.extend(self.design.as_deref().map(path));
         words.extend(["--maneuver".into(), path(&self.maneuver)]);
-        for (flag, value) in [("--problem", &self.sources.problem), ("--spec", &self.sources.spec)]
-        {
+        for (flag, value) in [
+            ("--problem", &self.sources.problem),
+            ("--models", &self.models.models),
+            ("--spec", &self.sources.spec),
+        ] {
             if let Some(value) = value {
                 words.extend([flag.to_string(), path(value)]);
             }
@@ -186,11 +218,27 @@ impl FlyArgs {
         let variation = variation(&self.model)?;
         let as_read = load_maneuver(&self.maneuver)?;
         let maneuver = variation.fly_in(&as_read);
-        let opened = match &self.design {
-            Some(design) => Some(Opened::read(design, &self.sources, quiet)?),
+        let given = ProblemArgs { file: self.sources.problem.clone() };
+        let own = match &self.models.models {
+            Some(_) => Some(SpecArgs::of(self.sources.spec.clone()).load()?),
             None => None,
         };
-        let schedule = opened.as_ref().map(|opened| opened.schedule.clone());
+        let set = match &own {
+            Some(own) => {
+                let mapping = &own.specification.models_from;
+                self.models.load(&given, mapping, &own.name, quiet)?
+            }
+            None => None,
+        };
+        let opened = match &self.design {
+            Some(design) if set.is_none() => Some(Opened::read(design, &self.sources, quiet)?),
+            _ => None,
+        };
+        let schedule = match (&opened, &self.design) {
+            (Some(opened), _) => Some(opened.schedule.clone()),
+            (None, Some(design)) => Some(load_schedule(design)?),
+            (None, None) => None,
+        };
         if maneuver.mode != Mode::OpenLoop && schedule.is_none() {
             return Err(CliError::Usage {
                 message: "the manoeuvre is flown by a control law, but no design is given".into(),
@@ -199,16 +247,18 @@ impl FlyArgs {
                     .into(),
             });
         }
-        let loaded = match &opened {
-            Some(opened) => opened.loaded.clone(),
-            None => {
-                let problem = ProblemArgs { file: self.sources.problem.clone() };
-                problem.load_with_warnings(quiet)?
-            }
+        if let (Some(set), Some(schedule), Some(design)) = (&set, &schedule, &self.design) {
+            check_models(design, schedule, set, self.sources.other_aircraft)?;
+        }
+        let specification = match (&opened, &own) {
+            (Some(opened), _) => opened.requirements.specification.clone(),
+            (None, Some(own)) => own.specification.clone(),
+            (None, None) => SpecArgs::of(self.sources.spec.clone()).load()?.specification,
         };
-        let specification = match &opened {
-            Some(opened) => opened.requirements.specification.clone(),
-            None => SpecArgs::of(self.sources.spec.clone()).load()?.specification,
+        let craft = match (set, &opened) {
+            (Some(set), _) => Craft::of_models(set, &specification.models_from)?,
+            (None, Some(opened)) => Craft::Problem(Box::new(opened.loaded.clone())),
+            (None, None) => Craft::Problem(Box::new(given.load_with_warnings(quiet)?)),
         };
         let hardware: Hardware =
             schedule.as_ref().map_or(specification.hardware, |schedule| schedule.hardware);
@@ -228,7 +278,7 @@ impl FlyArgs {
             seed: self.seed,
             ..Options::new(hardware, rate_limit)
         };
-        Ok(Ready { opened, loaded, variation, schedule, as_read, maneuver, options })
+        Ok(Ready { opened, craft, variation, schedule, as_read, maneuver, options })
     }
 }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
+use super::designs::Craft;
 use super::fly::{FlyArgs, Ready};
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
@@ -60,18 +61,20 @@ pub struct MonteCarlo {
     /// Range of the inertia either way, as a fraction
     #[arg(long, value_name = "FRACTION", default_value_t = 0.1)]
     inertia: f64,
-    /// Range of the centre of gravity either way
-    #[arg(long, value_name = "LENGTH", default_value = "1 in")]
-    cg: String,
+    /// Range of the centre of gravity either way [default: 1 in; 0 in for models without mass
+    /// properties]
+    #[arg(long, value_name = "LENGTH")]
+    cg: Option<String>,
     /// Largest extra delay
     #[arg(long, value_name = "TIME", default_value = "10 ms")]
     delay: String,
     /// Largest wind at 20 ft for turbulence; "0 kt" keeps the manoeuvre's own air
     #[arg(long, value_name = "SPEED", default_value = "15 kt")]
     turbulence: String,
-    /// Range of the inflow that rotors induce in one another, either way, as a fraction
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.2)]
-    inflow: f64,
+    /// Range of the inflow that rotors induce in one another, either way, as a fraction [default:
+    /// 0.2; 0 for models]
+    #[arg(long, value_name = "FRACTION")]
+    inflow: Option<f64>,
     /// Largest component of the gust, either way
     #[arg(long, value_name = "SPEED", default_value = "5 ft/s")]
     gust: String,
@@ -182,13 +185,24 @@ impl MonteCarlo {
                 })
             }
         };
+        let of_models = match &ready.craft {
+            Craft::Problem(_) => None,
+            Craft::Models(_, model) => Some(model.inertia().is_some_and(|i| i.mass.is_some())),
+        };
+        let usual_cg = if of_models == Some(false) { "0 in" } else { "1 in" };
+        let usual_inflow = if of_models.is_some() { 0.0 } else { 0.2 };
         let ranges = Ranges {
             mass: fraction("mass", self.mass)?,
             inertia: fraction("inertia", self.inertia)?,
-            center_of_gravity: quantity("cg", &self.cg, Kind::Length)?.abs(),
+            center_of_gravity: quantity(
+                "cg",
+                self.cg.as_deref().unwrap_or(usual_cg),
+                Kind::Length,
+            )?
+            .abs(),
             delay: quantity("delay", &self.delay, Kind::Time)?.max(0.0),
             turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?.max(0.0),
-            inflow: fraction("inflow", self.inflow)?,
+            inflow: fraction("inflow", self.inflow.unwrap_or(usual_inflow))?,
             gust: quantity("gust", &self.gust, Kind::Velocity)?.abs(),
         };
         let criterion = Criterion {
@@ -203,7 +217,12 @@ impl MonteCarlo {
         };
         let runs = self.runs as usize;
         let schedule = ready.schedule.as_ref();
-        Ok(Study::new(&ready.loaded, schedule, plan, runs, ranges, criterion)?)
+        Ok(match &ready.craft {
+            Craft::Problem(loaded) => Study::new(loaded, schedule, plan, runs, ranges, criterion)?,
+            Craft::Models(set, model) => {
+                Study::of_models(set, model, schedule, plan, runs, ranges, criterion)?
+            }
+        })
     }
 
     fn summary(&self, ready: &Ready, head: &StudyHead, list: &[&Run]) -> Result<String, CliError> {
@@ -222,7 +241,7 @@ impl MonteCarlo {
             let value = json!({
                 "schema": STUDY_SCHEMA,
                 "design": ready.opened.as_ref().map(|o| &o.name),
-                "aircraft": ready.loaded.problem.name,
+                "aircraft": ready.craft.name(),
                 "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
                 "study": head,
                 "flown": list.len(),

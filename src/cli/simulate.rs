@@ -12,7 +12,7 @@ use super::output::{self, WholeFile};
 use super::parquet::Columns;
 use super::watch::Watch;
 use super::{CliError, Outcome};
-use coaxdesign::pipeline::{FlightPlan, Flown, fly};
+use coaxdesign::pipeline::{FlightPlan, Flown};
 use coaxdesign::report::figures::{Curve, CurvePanel, Marks, time_history_figure};
 use coaxdesign::report::table::{Cell, Coloring, Column as TableColumn, Digits, Highlight, Table};
 use coaxdesign::simulate::metrics::{COORDINATED, SCHEMA};
@@ -20,7 +20,8 @@ use coaxdesign::simulate::record::Column;
 use coaxdesign::simulate::{Metrics, Status};
 use coaxdesign::units::{Kind, System};
 
-/// Fly a manoeuvre with the full nonlinear vehicle, under a schedule or in open loop
+/// Fly a manoeuvre with the full nonlinear vehicle or with stitched linear models (--models), under
+/// a schedule or in open loop
 ///
 /// Writes metrics to standard output, and the time history to the file of -o: CSV or Parquet
 /// (streamed, so that memory does not grow with the flight), or JSON (metrics and history).
@@ -152,8 +153,7 @@ impl Simulate {
             options: ready.options.clone(),
             every,
         };
-        let problem = &ready.loaded.problem;
-        let flown = fly(problem, ready.schedule.as_ref(), &plan, &watch, |columns, row| {
+        let flown = ready.fly(&plan, &watch, |columns, row| {
             if row.is_empty() {
                 if let (Some(form), Some(path)) = (form, self.output.file()) {
                     stream = Stream::create(form, path, self.output.force, columns, system)?;
@@ -224,13 +224,12 @@ pub(super) fn recorded(
         every,
     };
     let mut rows = Vec::new();
-    let flown =
-        fly::<CliError>(&ready.loaded.problem, ready.schedule.as_ref(), &plan, watch, |_, row| {
-            if !row.is_empty() {
-                rows.push(row.to_vec());
-            }
-            Ok(())
-        })?;
+    let flown = ready.fly(&plan, watch, |_, row| {
+        if !row.is_empty() {
+            rows.push(row.to_vec());
+        }
+        Ok(())
+    })?;
     let mut whole = summary(ready, &flown)?;
     whole["history"] = history(&Kept { columns: flown.columns.clone(), rows });
     let completed = flown.status == Status::Completed;
@@ -277,7 +276,7 @@ fn summary(ready: &Ready, flown: &Flown) -> Result<Json, CliError> {
     Ok(json!({
         "schema": SCHEMA,
         "maneuver": ready.maneuver.title,
-        "aircraft": ready.loaded.problem.name,
+        "aircraft": ready.craft.name(),
         "design": ready.opened.as_ref().map(|o| &o.name),
         "problem": ready.opened.as_ref().map(|o| &o.problem_name),
         "specification": ready.opened.as_ref().map(|o| &o.requirements.name),
@@ -385,6 +384,32 @@ fn actuator_table(metrics: &Metrics) -> Table {
     table
 }
 
+/// Actuators of the sticks, of a stitched model.
+fn stick_table(metrics: &Metrics) -> Table {
+    let one = Digits::Decimals(1);
+    let columns = vec![
+        TableColumn::text("stick"),
+        TableColumn::number("least", "%", one),
+        TableColumn::number("greatest", "%", one),
+        TableColumn::number("travel used", "%", one),
+        TableColumn::number("rate", "%/s", one),
+        TableColumn::number("at a limit", "s", Digits::Decimals(2)),
+    ];
+    let mut table = Table::new("Actuators of the sticks", columns);
+    for a in &metrics.stick_actuators {
+        let highlight = if a.saturated_s > 0.0 { Highlight::Warning } else { Highlight::Plain };
+        table.row([
+            Cell::from(a.stick),
+            a.minimum_percent.into(),
+            a.maximum_percent.into(),
+            a.travel_used_percent.into(),
+            a.rate_percent_s.into(),
+            Cell::from(a.saturated_s).highlight(highlight),
+        ]);
+    }
+    table
+}
+
 fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) -> String {
     let end = &metrics.end;
     let mut text = format!("{}\n{}: ", ready.head(), ready.maneuver.title);
@@ -402,8 +427,14 @@ fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) 
         text += "\n";
         text += &tracking_table(metrics, system).to_text(coloring);
     }
-    text += "\n";
-    text += &actuator_table(metrics).to_text(coloring);
+    if !metrics.actuators.is_empty() {
+        text += "\n";
+        text += &actuator_table(metrics).to_text(coloring);
+    }
+    if !metrics.stick_actuators.is_empty() {
+        text += "\n";
+        text += &stick_table(metrics).to_text(coloring);
+    }
     let lags: Vec<String> = metrics
         .command_lag
         .iter()
@@ -422,15 +453,26 @@ fn report(ready: &Ready, metrics: &Metrics, system: System, coloring: Coloring) 
     let kind = |kind: Kind, value: f64| {
         format!("{:.1} {}", kind.from_si(value, system), kind.symbol(system))
     };
+    let power = metrics.power.map_or_else(String::new, |power| {
+        let (mean, peak) = (kind(Kind::Power, power.mean_w), kind(Kind::Power, power.peak_w));
+        format!(" power {mean} on the mean, {peak} at most;")
+    });
     text += &format!(
-        "\nBank up to {:.1} deg, pitch up to {:.1} deg; power {} on the mean, {} at most; {} over \
-         the ground from the start at most.\n",
+        "\nBank up to {:.1} deg, pitch up to {:.1} deg;{power} {} over the ground from the start at \
+         most.\n",
         metrics.roll_peak_rad.to_degrees(),
         metrics.pitch_peak_rad.to_degrees(),
-        kind(Kind::Power, metrics.power.mean_w),
-        kind(Kind::Power, metrics.power.peak_w),
         kind(Kind::Length, metrics.drift_m),
     );
+    if let Some(beyond) = metrics.beyond_models.filter(|beyond| beyond.time_s > 0.0) {
+        let [low, high] = beyond.range_m_s.map(|u| Kind::Airspeed.from_si(u, system));
+        text += &format!(
+            "{:.1} s beyond the models, which reach from {low:.1} to {high:.1} {}: derivatives stay \
+             there, trims go on straight.\n",
+            beyond.time_s,
+            Kind::Airspeed.symbol(system),
+        );
+    }
     if let Some(error) = metrics.steady_turn_rate_error_rad_s {
         text += &format!("Heading rate in the steady turn: within {error:.4} rad/s.\n");
     }
@@ -549,12 +591,9 @@ fn figure(
             &[("flown", &format!("{stick}_stick"))],
         ));
     }
-    for rotor in &ready.loaded.problem.rotors {
-        panels.extend(panel(
-            &format!("{} power", rotor.name),
-            5.0,
-            &[("flown", &format!("{}.power", rotor.name))],
-        ));
+    for rotor in ready.craft.rotors() {
+        let column = format!("{rotor}.power");
+        panels.extend(panel(&format!("{rotor} power"), 5.0, &[("flown", &column)]));
     }
     if kept.rows.iter().any(|row| {
         ["wind_north", "wind_east", "wind_down"]

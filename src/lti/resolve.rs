@@ -150,7 +150,8 @@ impl Work<'_> {
             .map(|c| inner_trim.iter().find(|(name, _)| *name == c.name).and_then(|(_, x)| *x))
             .collect();
         self.reachable(&model);
-        let (model, measured, inner_trim) = self.delayed(model, &sources, &inputs, inner_trim)?;
+        let (model, measured, inner_trim) =
+            self.delayed(model, &sources, &inputs, inner_trim, &trim)?;
         self.findings.is_empty().then(|| PointModel {
             label: format!("{}, {}", self.raw.file, self.raw.place),
             speed: self.raw.speed,
@@ -744,6 +745,7 @@ impl Work<'_> {
         sources: &[Source],
         inputs: &[(usize, f64)],
         inner_trim: Vec<Option<f64>>,
+        trim: &Trim,
     ) -> Option<(StateSpace, [usize; 8], Vec<Option<f64>>)> {
         let raw = self.raw;
         let mut lines: Vec<(bool, usize, f64)> = Vec::new();
@@ -810,8 +812,16 @@ impl Work<'_> {
         }
         let (sticks, outputs) = (model.inputs().to_vec(), model.outputs().to_vec());
         let model = self.linear(StateSpace::new(states, sticks, outputs, a, b, c, d))?;
+        // At rest the first state of a line is what goes into it, and the others
+        // are nil.
+        let [u, v, w] = trim.velocity_body;
+        let [p, q, r] = trim.rates;
+        let rigid = [u, v, w, p, q, r, trim.roll, trim.pitch];
         let mut trims = inner_trim;
-        trims.resize(total - RIGID, None);
+        for ((input, k, _), (line, _)) in lines.iter().zip(&parts) {
+            trims.push(Some(if *input { trim.sticks[*k] } else { rigid[*k] }));
+            trims.extend(std::iter::repeat_n(Some(0.0), line.nrows() - 1));
+        }
         Some((model, measured, trims))
     }
 }

@@ -22,8 +22,10 @@
 
 use super::mapping::Inertia;
 use super::{LtiSet, PointModel, Trim};
+use crate::linear::dense::eigenvalues;
 use crate::linear::reduction::{RIGID_BODY, residualise};
 use crate::linear::{Channel, LinearError, StateSpace};
+use crate::trim::{FlightCondition, Lateral};
 use crate::units::{KNOT, STANDARD_GRAVITY as GRAVITY};
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -83,6 +85,18 @@ pub enum StitchError {
          under [models_from.mass] of the specification"
     )]
     NoMass,
+    /// A sideways condition.
+    #[error(
+        "a stitched model starts with the sideways velocity of its trims, not with a sideslip or a \
+         bank that is asked for"
+    )]
+    Lateral,
+    /// Something that only a problem has.
+    #[error("a set of linear models has no {what} that could be varied")]
+    NotVaried {
+        /// What it has not.
+        what: &'static str,
+    },
     /// The flight condition has no trim.
     #[error(
         "the stitched model has no trim at {speed:.1} kt ({residual:.1e} after {iterations} steps)"
@@ -167,8 +181,10 @@ pub struct Stitched {
     pub notes: Vec<String>,
     nodes: Vec<Node>,
     inertia: Option<Inertia>,
-    /// Mass and inertia over those of the set.
+    /// Mass over that of the set.
     mass_scale: f64,
+    /// Inertia likewise.
+    inertia_scale: f64,
     /// From the new centre of gravity to that of the set, body axes, m.
     old_center: Vector3<f64>,
 }
@@ -305,6 +321,7 @@ impl Stitched {
             nodes,
             inertia,
             mass_scale: 1.0,
+            inertia_scale: 1.0,
             old_center: Vector3::zeros(),
         })
     }
@@ -322,14 +339,30 @@ impl Stitched {
         }
         let mut out = self.clone();
         out.mass_scale *= mass_scale;
+        out.inertia_scale *= mass_scale;
         out.old_center.x += shift_aft;
         Ok(out)
     }
 
-    /// Whether mass and centre of gravity are those of the set.
+    /// The same aircraft with moments and products of inertia that are a factor
+    /// of what they are, and the same mass.
+    #[must_use]
+    pub fn with_inertia(&self, factor: f64) -> Self {
+        let mut out = self.clone();
+        out.inertia_scale *= factor;
+        out
+    }
+
+    /// Whether mass, inertia and centre of gravity are those of the set.
     #[must_use]
     pub fn as_given(&self) -> bool {
-        self.mass_scale == 1.0 && self.old_center == Vector3::zeros()
+        self.mass_scale == 1.0 && self.inertia_scale == 1.0 && self.old_center == Vector3::zeros()
+    }
+
+    /// Mass properties of the set, if they are known.
+    #[must_use]
+    pub fn inertia(&self) -> Option<&Inertia> {
+        self.inertia.as_ref()
     }
 
     /// Number of states.
@@ -343,6 +376,50 @@ impl Stitched {
     pub fn speed_range(&self) -> [f64; 2] {
         let last = self.nodes.len() - 1;
         [self.nodes[0].speed, self.nodes[last].speed]
+    }
+
+    /// Least and largest airspeed along the body's x axis in the trims of the
+    /// set, m/s: where the tables begin and end.
+    #[must_use]
+    pub fn axial_range(&self) -> [f64; 2] {
+        let last = self.nodes.len() - 1;
+        [self.nodes[0].state[U], self.nodes[last].state[U]]
+    }
+
+    /// Magnitude of the fastest eigenvalue of the models, rad/s, or a bound of
+    /// it: what the step of an integration must be short against.
+    #[must_use]
+    pub fn fastest(&self) -> f64 {
+        let of = |node: &Node| {
+            let sticks = std::array::from_fn(|k| node.sticks[k]);
+            let (a, _) = self.linear(node.state.as_slice(), &sticks);
+            // A norm bounds the eigenvalues where they are not found.
+            let bound = a.row_iter().map(|row| row.iter().map(|x| x.abs()).sum::<f64>());
+            eigenvalues(&a).map_or_else(
+                |_| bound.fold(0.0, f64::max),
+                |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max),
+            )
+        };
+        self.nodes.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Steady flight at a condition: level and straight, and with the mass of the
+    /// set, that of the tables; else what [`Stitched::trim`] finds.
+    ///
+    /// # Errors
+    /// No trim, or a sideslip or bank that is asked for: the sideways velocity
+    /// is that of the tables.
+    pub fn steady(&self, condition: &FlightCondition) -> Result<StitchedTrim, StitchError> {
+        let FlightCondition { airspeed: speed, climb_rate: climb, turn_rate: turn, lateral } =
+            *condition;
+        if lateral != Lateral::Sideslip(0.0) {
+            return Err(StitchError::Lateral);
+        }
+        if !self.as_given() || climb != 0.0 || turn != 0.0 {
+            return self.trim(speed, climb, turn);
+        }
+        let (state, sticks) = self.table_point(self.table_speed(speed));
+        Ok(StitchedTrim { speed, climb, turn, state: state.as_slice().to_vec(), sticks })
     }
 
     /// True airspeeds of the models, m/s.
@@ -481,12 +558,16 @@ impl Stitched {
         if self.as_given() {
             return;
         }
-        for f in &mut force[..P + 3] {
+        for f in &mut force[..P] {
             *f /= self.mass_scale;
         }
+        for f in &mut force[P..P + 3] {
+            *f /= self.inertia_scale;
+        }
         let Some(Inertia { mass: Some(mass), inverse, .. }) = &self.inertia else { return };
-        // m and I grow alike, so that I⁻¹ m stays.
-        let moment = self.old_center.cross(&Vector3::new(force[U], force[V], force[W])) * *mass;
+        // I⁻¹ m of the new mass properties.
+        let mass = mass * (self.mass_scale / self.inertia_scale);
+        let moment = self.old_center.cross(&Vector3::new(force[U], force[V], force[W])) * mass;
         let added = inverse * moment;
         for k in 0..3 {
             force[P + k] += added[k];

@@ -49,8 +49,8 @@ mod tuning;
 pub use error::PipelineError;
 pub use lock::{DirectoryLock, LockError};
 pub use observer::{Observer, Silent, Task};
-pub use requirements::{Requirements, problem_hash};
-pub use stages::{FlightPlan, Flown, fly, models, trim};
+pub use requirements::{Requirements, models_hash, problem_hash};
+pub use stages::{FlightPlan, Flown, fly, fly_models, models, trim};
 pub use study::{Part, STUDY_SCHEMA, Study, StudyHead};
 pub use tuning::{
     PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, plants_of_models, tune,

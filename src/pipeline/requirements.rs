@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::control::spec::{self, Specification};
+use crate::lti::LtiSet;
 use crate::problem::{Loaded, Report};
 use crate::schedule::hash;
 
@@ -63,4 +64,10 @@ impl Requirements {
 #[must_use]
 pub fn problem_hash(loaded: &Loaded) -> String {
     hash(loaded.sources.files().iter().map(|file| file.text.as_str()))
+}
+
+/// Hash of all files of a set of linear models, as a schedule carries it.
+#[must_use]
+pub fn models_hash(set: &LtiSet) -> String {
+    hash(set.texts.iter().map(String::as_str))
 }

@@ -10,13 +10,14 @@ use crate::linear::linearize::{Options as LinearOptions, averaged, trim_values};
 use crate::linear::reduction::{RIGID_BODY, residualise};
 use crate::linear::set::ModelSet;
 use crate::linear::{LinearError, StateSpace};
+use crate::lti::stitch::Stitched;
 use crate::problem::Problem;
 use crate::schedule::Schedule;
 use crate::simulate::flight::Autopilot;
 use crate::simulate::metrics::Meter;
 use crate::simulate::montecarlo::Variation;
 use crate::simulate::record::Column;
-use crate::simulate::{Flight, Maneuver, Metrics, Options, Recorder, Status};
+use crate::simulate::{Airframe, Flight, Maneuver, Metrics, Options, Recorder, Start, Status};
 use crate::trim::{FlightCondition, Options as TrimOptions, TrimPoint, sweep};
 use crate::vehicle::Vehicle;
 
@@ -139,13 +140,13 @@ pub struct Flown {
     pub metrics: Metrics,
     /// Columns of its rows.
     pub columns: Vec<Column>,
-    /// Whether rotors acted on one another.
-    pub interactions: bool,
+    /// Whether rotors acted on one another; not known of a set of models.
+    pub interactions: Option<bool>,
     /// Step of the integration, s.
     pub integration_step: f64,
-    /// Delay from a measurement to the blades, s.
+    /// Delay from a measurement to the effectors, s.
     pub delay: f64,
-    /// A revolution of the reference rotor, s.
+    /// A revolution of the reference rotor, s; zero for a set of models.
     pub revolution: f64,
 }
 
@@ -161,19 +162,47 @@ pub fn fly<E: From<PipelineError>>(
     schedule: Option<&Schedule>,
     plan: &FlightPlan,
     observer: &dyn Observer,
+    row: impl FnMut(&[Column], &[f64]) -> Result<(), E>,
+) -> Result<Flown, E> {
+    let vehicle = plan.variation.vehicle(problem).map_err(PipelineError::from)?;
+    let condition = plan.maneuver.start.condition;
+    let mut found = sweep(&vehicle, &[condition], &TrimOptions::default(), |_| {}).points;
+    let Some(point) = found.pop() else {
+        return Err(PipelineError::NoBreakpoint.into());
+    };
+    let start = point.into_converged().map_err(PipelineError::NoTrim)?;
+    fly_from((&vehicle).into(), &(&start).into(), schedule, plan, observer, row)
+}
+
+/// As [`fly`], with a model stitched from linear ones.
+///
+/// # Errors
+/// As [`fly`], and a variation that a set of models cannot give.
+pub fn fly_models<E: From<PipelineError>>(
+    model: &Stitched,
+    schedule: Option<&Schedule>,
+    plan: &FlightPlan,
+    observer: &dyn Observer,
+    row: impl FnMut(&[Column], &[f64]) -> Result<(), E>,
+) -> Result<Flown, E> {
+    let model = plan.variation.stitched(model).map_err(PipelineError::from)?;
+    let start = model.steady(&plan.maneuver.start.condition).map_err(PipelineError::from)?;
+    fly_from((&model).into(), &(&start).into(), schedule, plan, observer, row)
+}
+
+/// Flies a plan with an airframe from a trim.
+fn fly_from<E: From<PipelineError>>(
+    airframe: Airframe<'_>,
+    start: &Start,
+    schedule: Option<&Schedule>,
+    plan: &FlightPlan,
+    observer: &dyn Observer,
     mut row: impl FnMut(&[Column], &[f64]) -> Result<(), E>,
 ) -> Result<Flown, E> {
     let law = schedule.map(autopilot).transpose()?;
     let maneuver = plan.variation.fly_in(&plan.maneuver);
     let options = Options { extra_delay: plan.variation.delay, ..plan.options.clone() };
-    let vehicle = plan.variation.vehicle(problem).map_err(PipelineError::from)?;
-    let mut found =
-        sweep(&vehicle, &[maneuver.start.condition], &TrimOptions::default(), |_| {}).points;
-    let Some(point) = found.pop() else {
-        return Err(PipelineError::NoBreakpoint.into());
-    };
-    let start = point.into_converged().map_err(PipelineError::NoTrim)?;
-    let mut flight = Flight::new(&vehicle, &start, law.as_ref(), &maneuver, &options)
+    let mut flight = Flight::of(airframe, start, law.as_ref(), &maneuver, &options)
         .map_err(PipelineError::from)?;
     let mut recorder = Recorder::new(&flight);
     let columns = recorder.columns().to_vec();
@@ -206,10 +235,10 @@ pub fn fly<E: From<PipelineError>>(
     };
     Ok(Flown {
         metrics: meter.finish(&flight, &status),
-        interactions: flight.simulator.vehicle().inflow.interactions,
+        interactions: airframe.vehicle().map(|vehicle| vehicle.inflow.interactions),
         integration_step: flight.simulator.integration_step(),
         delay: flight.simulator.delay(),
-        revolution: std::f64::consts::TAU / vehicle.reference_speed,
+        revolution: airframe.revolution(),
         status,
         columns,
     })

@@ -7,7 +7,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-use super::{FlightPlan, Observer, PipelineError, fly, problem_hash};
+use super::{FlightPlan, Observer, PipelineError, fly, fly_models, models_hash, problem_hash};
+use crate::lti::LtiSet;
+use crate::lti::stitch::{StitchError, Stitched};
 use crate::problem::{Loaded, Problem};
 use crate::schedule::{Schedule, hash};
 use crate::simulate::Options;
@@ -34,7 +36,7 @@ pub struct StudyHead {
     pub schema: String,
     /// Program and version.
     pub generator: String,
-    /// The problem, with its bases and tables.
+    /// The problem, with its bases and tables; or the set of linear models.
     pub problem: Part,
     /// The schedule, if a law flies.
     pub schedule: Option<Part>,
@@ -86,11 +88,18 @@ fn compare(path: &str, there: &Json, here: &Json, found: &mut Vec<String>) {
     found.push(format!("{path}: {there} there, {here} here"));
 }
 
+/// What a study flies.
+#[derive(Debug, Clone)]
+enum Craft {
+    Problem(Box<Problem>),
+    Models(Box<Stitched>),
+}
+
 /// A study that is ready to be flown.
 #[derive(Debug, Clone)]
 pub struct Study {
     head: StudyHead,
-    problem: Problem,
+    craft: Craft,
     schedule: Option<Schedule>,
     plan: FlightPlan,
 }
@@ -118,6 +127,48 @@ impl Study {
         ranges: Ranges,
         criterion: Criterion,
     ) -> Result<Self, PipelineError> {
+        let part = Part { name: aircraft.problem.name.clone(), hash: problem_hash(aircraft) };
+        let craft = Craft::Problem(Box::new(aircraft.problem.clone()));
+        Self::of(craft, part, schedule, plan, runs, ranges, criterion)
+    }
+
+    /// As [`Study::new`], with a model stitched from a set of linear ones.
+    ///
+    /// # Errors
+    /// As [`Study::new`], and ranges of what a set does not have.
+    pub fn of_models(
+        set: &LtiSet,
+        model: &Stitched,
+        schedule: Option<&Schedule>,
+        plan: FlightPlan,
+        runs: usize,
+        ranges: Ranges,
+        criterion: Criterion,
+    ) -> Result<Self, PipelineError> {
+        // What every run would refuse is refused at once.
+        let widest = Variation {
+            center_of_gravity: ranges.center_of_gravity,
+            inflow: 1.0 + ranges.inflow,
+            ..Variation::default()
+        };
+        plan.variation.with(&widest).stitched(model)?;
+        // Mass properties are the specification's, and change results.
+        let properties = format!("{:?}", model.inertia());
+        let hash = hash([models_hash(set).as_str(), properties.as_str()]);
+        let part = Part { name: set.name.clone(), hash };
+        let craft = Craft::Models(Box::new(model.clone()));
+        Self::of(craft, part, schedule, plan, runs, ranges, criterion)
+    }
+
+    fn of(
+        craft: Craft,
+        aircraft: Part,
+        schedule: Option<&Schedule>,
+        plan: FlightPlan,
+        runs: usize,
+        ranges: Ranges,
+        criterion: Criterion,
+    ) -> Result<Self, PipelineError> {
         let seed = plan.options.seed;
         let part = |name: &str, content: &str| Part { name: name.into(), hash: hash([content]) };
         // The checked manoeuvre and options stand for their texts. The seed
@@ -127,7 +178,7 @@ impl Study {
         let head = StudyHead {
             schema: STUDY_SCHEMA.into(),
             generator: format!("coaxdesign {}", env!("COAXDESIGN_VERSION")),
-            problem: Part { name: aircraft.problem.name.clone(), hash: problem_hash(aircraft) },
+            problem: aircraft,
             schedule: schedule
                 .map(|schedule| Ok::<_, PipelineError>(part(&schedule.name, &schedule.to_json()?)))
                 .transpose()?,
@@ -139,8 +190,7 @@ impl Study {
             ranges,
             criterion,
         };
-        let problem = aircraft.problem.clone();
-        Ok(Self { head, problem, schedule: schedule.cloned(), plan })
+        Ok(Self { head, craft, schedule: schedule.cloned(), plan })
     }
 
     /// What the study is.
@@ -168,13 +218,20 @@ impl Study {
         };
         let nothing = |_: &[_], _: &[f64]| Ok(());
         let schedule = self.schedule.as_ref();
-        match fly(&self.problem, schedule, &plan, &StopOnly(observer), nothing) {
+        let observer = StopOnly(observer);
+        let flown = match &self.craft {
+            Craft::Problem(problem) => fly(problem, schedule, &plan, &observer, nothing),
+            Craft::Models(model) => fly_models(model, schedule, &plan, &observer, nothing),
+        };
+        match flown {
             Ok(flown) => {
                 let mut run = Run::flown(index, seed, variation, &flown.metrics);
                 run.success = head.criterion.met(&run);
                 Ok(run)
             }
-            Err(PipelineError::NoTrim(_)) => Ok(Run::without_trim(index, seed, variation)),
+            Err(PipelineError::NoTrim(_) | PipelineError::Stitch(StitchError::Trim { .. })) => {
+                Ok(Run::without_trim(index, seed, variation))
+            }
             Err(error) => Err(error),
         }
     }

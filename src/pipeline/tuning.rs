@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
 use super::observer::Running;
-use super::requirements::problem_hash;
+use super::requirements::{models_hash, problem_hash};
 use super::{Observer, PipelineError, Requirements, Task};
 use crate::control::axis::Channel;
 use crate::control::design::{Design, design};
@@ -218,8 +218,7 @@ pub fn tune_models(
     let spec = for_set(&requirements.specification, set);
     let speeds = verification_speeds(&spec.speeds, &spec.verify_speeds);
     let built = plants_of_models(set, &spec, &speeds)?;
-    let hash = crate::schedule::hash(set.texts.iter().map(String::as_str));
-    let provenance = provenance(hash, requirements);
+    let provenance = provenance(models_hash(set), requirements);
     tune_built(&Subject::of_models(set), &spec, built, provenance, options, observer)
 }
 

@@ -6,7 +6,6 @@
 //! dynamics.
 
 use crate::control::plant::Hardware;
-use crate::vehicle::Vehicle;
 use nalgebra::Matrix3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -146,7 +145,7 @@ pub struct Actuator {
     pub saturated: f64,
 }
 
-/// Actuators of the blade controls: x'' + 2ζω x' + ω² x = ω² u, within limits
+/// Actuators of the effectors: x'' + 2ζω x' + ω² x = ω² u, within limits
 /// of rate and position.
 #[derive(Debug, Clone)]
 pub struct Actuators {
@@ -161,27 +160,22 @@ pub struct Actuators {
 }
 
 impl Actuators {
-    /// Actuators of every blade pitch of a vehicle, at rest at the given blade
-    /// controls.
+    /// Actuators of effectors, each with its place and its limits, at rest at
+    /// the given positions. The limit of their rate is in units of the effectors
+    /// a second, the tick in s.
     #[must_use]
     pub fn new(
-        vehicle: &Vehicle,
+        effectors: &[(usize, [f64; 2])],
         hardware: &Hardware,
         rate_limit: f64,
         tick: f64,
-        effectors: &[f64],
+        positions: &[f64],
     ) -> Self {
         let (mut places, mut states) = (Vec::new(), Vec::new());
-        for (k, rotor) in vehicle.layout.rotors.iter().enumerate() {
-            let (collective, cyclic) =
-                (vehicle.controls.collective_limits[k], vehicle.controls.cyclic_limits[k]);
-            let Some(pitch) = rotor.pitch else { continue };
-            for (i, limits) in [collective, cyclic, cyclic].into_iter().enumerate() {
-                let place = pitch + i;
-                places.push(place);
-                let position = effectors[place];
-                states.push(Actuator { position, rate: 0.0, limits, saturated: 0.0 });
-            }
+        for (place, limits) in effectors {
+            places.push(*place);
+            let position = positions[*place];
+            states.push(Actuator { position, rate: 0.0, limits: *limits, saturated: 0.0 });
         }
         let (w, z) = (hardware.actuator_bandwidth, hardware.actuator_damping);
         let m = Matrix3::new(0.0, 1.0, 0.0, -w * w, -2.0 * z * w, w * w, 0.0, 0.0, 0.0);
@@ -225,6 +219,8 @@ impl Actuators {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::airframe::Airframe;
+    use crate::vehicle::Vehicle;
     use approx::assert_relative_eq;
 
     /// A ramp passes a first-order filter late by its time constant, whatever
@@ -278,7 +274,8 @@ mod tests {
     fn actuator_step_is_the_analytic_one() {
         let v = vehicle();
         let mut effectors = vec![0.1; v.effector_count()];
-        let mut a = Actuators::new(&v, &HARDWARE, 1e9, 0.002, &effectors);
+        let mut a =
+            Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, 1e9, 0.002, &effectors);
         let step = 0.02;
         let command = vec![0.1 + step; effectors.len()];
         for k in 1..100 {
@@ -299,7 +296,8 @@ mod tests {
         let v = vehicle();
         let effectors = vec![0.05; v.effector_count()];
         let rate = 60f64.to_radians();
-        let mut a = Actuators::new(&v, &HARDWARE, rate, 0.002, &effectors);
+        let mut a =
+            Actuators::new(&Airframe::from(&v).actuators(), &HARDWARE, rate, 0.002, &effectors);
         let command = vec![3.0; effectors.len()];
         let mut before = 0.05;
         for _ in 0..300 {

@@ -1,5 +1,6 @@
 //! A manoeuvre in flight: simulator, law and commands together.
 
+use super::airframe::{Airframe, Start};
 use super::maneuver::{Held, Input, Maneuver, Mode};
 use super::simulator::{Departure, Options, SimulationError, Simulator};
 use crate::control::axis::Axis;
@@ -7,7 +8,7 @@ use crate::control::law::{
     Controller, Demand, Horizontal, LawTable, Measurement, NotFinite, References, earth_velocity,
 };
 use crate::trim::ConvergedTrim;
-use crate::vehicle::{Layout, Vehicle};
+use crate::vehicle::{Layout, Vehicle, navigation};
 
 /// How a flight ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +57,9 @@ pub enum FlightError {
          every rotor a governor"
     )]
     NoRotorSpeed,
+    /// Linear models have no engine.
+    #[error("the engine fails in this manoeuvre, but a set of linear models has none")]
+    NoEngine,
     /// The trim or the manoeuvre's first demand is no number.
     #[error("the law cannot be switched on: {0}")]
     Law(#[from] NotFinite),
@@ -89,7 +93,7 @@ pub enum Excitation {
 /// everything belongs to one instant and may be recorded.
 #[derive(Debug, Clone)]
 pub struct Flight<'a> {
-    /// The vehicle and its equipment.
+    /// The airframe and its equipment.
     pub simulator: Simulator<'a>,
     /// A signal to add.
     pub excitation: Option<Excitation>,
@@ -119,6 +123,20 @@ impl<'a> Flight<'a> {
         maneuver: &'a Maneuver,
         options: &Options,
     ) -> Result<Self, FlightError> {
+        Self::of(vehicle.into(), &start.into(), law, maneuver, options)
+    }
+
+    /// As [`Flight::new`], for any airframe.
+    ///
+    /// # Errors
+    /// As [`Flight::new`], and an engine that is to fail where none is modelled.
+    pub fn of(
+        airframe: Airframe<'a>,
+        start: &Start,
+        law: Option<&Autopilot>,
+        maneuver: &'a Maneuver,
+        options: &Options,
+    ) -> Result<Self, FlightError> {
         let options = Options {
             noise: maneuver.noise,
             weather: maneuver.weather.clone(),
@@ -126,30 +144,31 @@ impl<'a> Flight<'a> {
             heading: maneuver.start.heading,
             ..options.clone()
         };
-        if maneuver.engine_out.is_some() && vehicle.layout.rotors.iter().any(|r| r.speed.is_none())
-        {
-            return Err(FlightError::NoRotorSpeed);
+        if maneuver.engine_out.is_some() {
+            let vehicle = airframe.vehicle().ok_or(FlightError::NoEngine)?;
+            if vehicle.layout.rotors.iter().any(|rotor| rotor.speed.is_none()) {
+                return Err(FlightError::NoRotorSpeed);
+            }
         }
-        let simulator = Simulator::new(vehicle, start, &options)?;
-        let trim = start.point();
-        let mut mean = trim.mean_state.clone();
+        let simulator = Simulator::of(airframe, start, &options)?;
+        let mut mean = start.mean_state.clone();
         let body = Layout::BODY;
         let settled = simulator.settled();
         mean[body.velocity..body.velocity + 3].copy_from_slice(&settled.velocity_body);
-        let [_, forward, right, down] = vehicle.navigation(&mean);
+        let [_, forward, right, down] = navigation(&mean);
         let held = Held {
             velocity: [forward, right, down],
             attitude: [mean[body.roll], mean[body.pitch]],
-            turn_rate: trim.condition.turn_rate,
+            turn_rate: start.condition.turn_rate,
         };
         let mut controller = None;
-        let mut stick_limits = vehicle.controls.stick_limits;
+        let mut stick_limits = airframe.stick_limits();
         if maneuver.mode != Mode::OpenLoop {
             let law = law.ok_or(FlightError::NoLaw)?;
             stick_limits = law.stick_limits;
             let mut c = Controller::new(law.table.clone(), simulator.period(), stick_limits);
             if let Some(demand) = maneuver.demand(0.0, &held) {
-                c.engage(&settled, &demand, trim.sticks)?;
+                c.engage(&settled, &demand, start.sticks)?;
             }
             controller = Some(c);
         }
@@ -160,12 +179,12 @@ impl<'a> Flight<'a> {
             maneuver,
             controller,
             stick_limits,
-            trim_sticks: trim.sticks,
+            trim_sticks: start.sticks,
             held,
             demand: None,
             measurement: None,
             turned: 0.0,
-            sticks: trim.sticks,
+            sticks: start.sticks,
         })
     }
 

@@ -1,7 +1,9 @@
 //! What a flight amounts to, summed up as it goes.
 
 use super::flight::{Flight, Status};
+use super::simulator::Simulator;
 use crate::control::law::Horizontal;
+use crate::problem::STICKS;
 use crate::units::{KNOT, STANDARD_GRAVITY};
 use crate::vehicle::Layout;
 use serde::Serialize;
@@ -16,6 +18,10 @@ const SETTLED: f64 = 2.5;
 /// Speed above which bank is compared with that of a coordinated turn, m/s:
 /// the paper's turn-coordination speed.
 pub const COORDINATED: f64 = 50.0 * KNOT;
+
+/// Airspeeds along x this near to the end of a set are within it, m/s: a model
+/// at 1 kt stands for hover.
+const AXIAL_ROUNDING: f64 = 1.0;
 
 /// Root mean square and peak of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -90,6 +96,35 @@ pub struct ActuatorUse {
     pub saturated_s: f64,
 }
 
+/// How the actuator of a stick was used: of a stitched model, whose effectors
+/// are the sticks.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StickUse {
+    /// Stick.
+    pub stick: &'static str,
+    /// Least position, %.
+    pub minimum_percent: f64,
+    /// Greatest position, %.
+    pub maximum_percent: f64,
+    /// Largest share of the way from the start to the nearer limit that was
+    /// used, %.
+    pub travel_used_percent: f64,
+    /// Largest rate, %/s.
+    pub rate_percent_s: f64,
+    /// Time at a limit of position, s.
+    pub saturated_s: f64,
+}
+
+/// Flight beyond the speeds of a set of linear models.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Beyond {
+    /// Least and largest airspeed along the body's x axis that the set has,
+    /// m/s.
+    pub range_m_s: [f64; 2],
+    /// Time outside it, s.
+    pub time_s: f64,
+}
+
 /// Range of a state.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Range {
@@ -151,12 +186,19 @@ pub struct Metrics {
     /// Largest change of each stick, lat, lon, col, ped, from one control
     /// period to the next, %.
     pub stick_jump_percent: [f64; 4],
-    /// Actuators.
+    /// Actuators of blade pitch.
     pub actuators: Vec<ActuatorUse>,
+    /// Actuators of the sticks, for a stitched model without its hardware.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stick_actuators: Vec<StickUse>,
+    /// Flight beyond the set, for a stitched model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beyond_models: Option<Beyond>,
     /// Time during which any actuator was at a limit, no less than, s.
     pub saturated_s: f64,
-    /// Power of all rotors.
-    pub power: Power,
+    /// Power of all rotors; none of a stitched model, which has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub power: Option<Power>,
     /// Largest distance over the ground from the start, m.
     pub drift_m: f64,
     /// Greatest loss and gain of height from the start, m.
@@ -223,6 +265,8 @@ pub struct Meter {
     drift: f64,
     height: [f64; 2],
     states: Vec<[f64; 2]>,
+    /// Control periods outside the speeds of a set.
+    beyond: u64,
     bank_start: f64,
     turn_start: f64,
 }
@@ -232,9 +276,8 @@ impl Meter {
     #[must_use]
     pub fn new(flight: &Flight<'_>) -> Self {
         let simulator = &flight.simulator;
-        let vehicle = simulator.vehicle();
-        let revolution = std::f64::consts::TAU / vehicle.reference_speed;
-        let samples = (revolution / simulator.period()).round().max(1.0) as usize;
+        let airframe = simulator.airframe();
+        let samples = (airframe.revolution() / simulator.period()).round().max(1.0) as usize;
         let start: Vec<f64> = simulator.actuators().iter().map(|(_, a)| a.position).collect();
         let held = flight.held();
         // What the trim banks beyond its own turn.
@@ -252,7 +295,7 @@ impl Meter {
             power_sum: 0.0,
             power_count: 0.0,
             power_peak: 0.0,
-            powers: vec![0.0; vehicle.rotors.len()],
+            powers: vec![0.0; airframe.rotors().len()],
             attitude: [0.0; 2],
             sticks: None,
             jumps: [0.0; 4],
@@ -260,7 +303,8 @@ impl Meter {
             actuator_start: start,
             drift: 0.0,
             height: [0.0; 2],
-            states: vec![[f64::INFINITY, f64::NEG_INFINITY]; vehicle.state_count()],
+            states: vec![[f64::INFINITY, f64::NEG_INFINITY]; airframe.state_count()],
+            beyond: 0,
             bank_start: held.attitude[0] - turning,
             turn_start: held.turn_rate,
         }
@@ -306,6 +350,12 @@ impl Meter {
         {
             self.bank.add(time, difference);
         }
+        if let Some(model) = simulator.airframe().stitched() {
+            let [low, high] = model.axial_range();
+            let u = simulator.axial_airspeed();
+            let outside = u < low - AXIAL_ROUNDING || u > high + AXIAL_ROUNDING;
+            self.beyond += u64::from(outside);
+        }
         if let Some(mean) = self.power.add(self.powers.iter().sum()) {
             self.power_sum += mean;
             self.power_count += 1.0;
@@ -338,11 +388,46 @@ impl Meter {
         }
     }
 
+    /// How the actuators were used: those of blade pitch, and those of sticks.
+    fn actuator_use(&self, simulator: &Simulator<'_>) -> (Vec<ActuatorUse>, Vec<StickUse>) {
+        let airframe = simulator.airframe();
+        let rate_limit = simulator.options().pitch_rate_limit;
+        let names = airframe.effectors();
+        let (mut blades, mut sticks) = (Vec::new(), Vec::new());
+        for (((place, a), ([low, high], rate)), start) in
+            simulator.actuators().iter().zip(&self.actuators).zip(&self.actuator_start)
+        {
+            let [least, most] = a.limits;
+            let used = ((high - start) / (most - start)).max((start - low) / (start - least));
+            if airframe.vehicle().is_some() {
+                blades.push(ActuatorUse {
+                    control: names[place].0.clone(),
+                    minimum_rad: *low,
+                    maximum_rad: *high,
+                    travel_used_percent: 100.0 * used,
+                    rate_rad_s: *rate,
+                    rate_used_percent: 100.0 * rate / rate_limit,
+                    saturated_s: a.saturated,
+                });
+            } else {
+                sticks.push(StickUse {
+                    stick: STICKS[place],
+                    minimum_percent: *low,
+                    maximum_percent: *high,
+                    travel_used_percent: 100.0 * used,
+                    rate_percent_s: *rate,
+                    saturated_s: a.saturated,
+                });
+            }
+        }
+        (blades, sticks)
+    }
+
     /// What it all amounts to.
     #[must_use]
     pub fn finish(self, flight: &Flight<'_>, status: &Status) -> Metrics {
         let simulator = &flight.simulator;
-        let vehicle = simulator.vehicle();
+        let airframe = simulator.airframe();
         let maneuver = flight.maneuver();
         let commanded = [
             maneuver.velocity[0].is_some(),
@@ -364,26 +449,7 @@ impl Meter {
                 .collect()
         };
         let (tracking, command_lag) = (listed(&self.tracking), listed(&self.command_lag));
-        let rate_limit = simulator.options().pitch_rate_limit;
-        let actuators: Vec<ActuatorUse> = simulator
-            .actuators()
-            .iter()
-            .zip(&self.actuators)
-            .zip(&self.actuator_start)
-            .map(|(((place, a), ([low, high], rate)), start)| {
-                let [least, most] = a.limits;
-                let used = ((high - start) / (most - start)).max((start - low) / (start - least));
-                ActuatorUse {
-                    control: vehicle.layout.effectors[place].name.clone(),
-                    minimum_rad: *low,
-                    maximum_rad: *high,
-                    travel_used_percent: 100.0 * used,
-                    rate_rad_s: *rate,
-                    rate_used_percent: 100.0 * rate / rate_limit,
-                    saturated_s: a.saturated,
-                }
-            })
-            .collect();
+        let (actuators, stick_actuators) = self.actuator_use(simulator);
         let departure = status.departure();
         Metrics {
             end: End {
@@ -400,26 +466,32 @@ impl Meter {
             roll_peak_rad: self.attitude[0],
             pitch_peak_rad: self.attitude[1],
             stick_jump_percent: self.jumps,
-            saturated_s: actuators.iter().map(|a| a.saturated_s).fold(0.0, f64::max),
+            saturated_s: (actuators.iter().map(|a| a.saturated_s))
+                .chain(stick_actuators.iter().map(|a| a.saturated_s))
+                .fold(0.0, f64::max),
             actuators,
-            power: Power {
+            stick_actuators,
+            beyond_models: airframe.stitched().map(|model| Beyond {
+                range_m_s: model.axial_range(),
+                time_s: self.beyond as f64 * simulator.period(),
+            }),
+            power: airframe.vehicle().map(|_| Power {
                 mean_w: if self.power_count > 0.0 {
                     self.power_sum / self.power_count
                 } else {
                     0.0
                 },
                 peak_w: self.power_peak,
-            },
+            }),
             drift_m: self.drift,
             height_change_m: self.height,
-            states: vehicle
-                .layout
-                .states
-                .iter()
+            states: airframe
+                .states()
+                .into_iter()
                 .zip(&self.states)
-                .map(|(s, [low, high])| Range {
-                    state: s.name.clone(),
-                    unit: s.kind.symbol(crate::units::System::Si),
+                .map(|((state, kind), [low, high])| Range {
+                    state,
+                    unit: kind.symbol(crate::units::System::Si),
                     minimum: *low,
                     maximum: *high,
                 })

@@ -1,6 +1,7 @@
-//! Time-domain flight of the full nonlinear vehicle, with and without the
-//! control law.
+//! Time-domain flight of the full nonlinear vehicle, or of a model stitched from
+//! linear ones, with and without the control law.
 //!
+//! * [`airframe`]: what flies.
 //! * [`equipment`]: sensors, noise, delay, actuators.
 //! * [`wind`]: steady wind, Dryden turbulence, discrete gusts.
 //! * [`simulator`]: the stepper, one control period at a time.
@@ -12,6 +13,7 @@
 //! * [`steps`]: small steps, flown and predicted.
 //! * [`montecarlo`]: many flights with the aircraft and the air varied.
 
+pub mod airframe;
 pub mod equipment;
 pub mod flight;
 pub mod identify;
@@ -23,6 +25,7 @@ pub mod simulator;
 pub mod steps;
 pub mod wind;
 
+pub use airframe::{Airframe, Start};
 pub use flight::{Flight, Status};
 pub use maneuver::Maneuver;
 pub use metrics::Metrics;

@@ -8,6 +8,7 @@
 use super::maneuver::Maneuver;
 use super::metrics::Metrics;
 use super::wind::{Gust, GustShape, Turbulence};
+use crate::lti::stitch::{StitchError, Stitched};
 use crate::problem::{Governor, Problem};
 use crate::units::{FOOT, KNOT};
 use crate::vehicle::{Vehicle, VehicleError};
@@ -110,6 +111,27 @@ impl Variation {
         let mut vehicle = Vehicle::new(&self.apply(problem))?;
         vehicle.interference_gain = self.inflow;
         Ok(vehicle)
+    }
+
+    /// A stitched model, varied.
+    ///
+    /// # Errors
+    /// A change of what only a problem has: interactions, inflow, governors; a
+    /// shift of the centre of gravity without mass properties.
+    pub fn stitched(&self, model: &Stitched) -> Result<Stitched, StitchError> {
+        let refused = [
+            (self.interactions.is_some(), "interactions of rotors"),
+            (self.inflow != 1.0, "inflow of rotors on one another"),
+            (self.governor.is_some(), "governor"),
+        ];
+        if let Some((_, what)) = refused.into_iter().find(|(asked, _)| *asked) {
+            return Err(StitchError::NotVaried { what });
+        }
+        if self.mass == 1.0 && self.inertia == 1.0 && self.center_of_gravity == 0.0 {
+            return Ok(model.clone());
+        }
+        let varied = model.varied(self.mass, self.center_of_gravity)?;
+        Ok(varied.with_inertia(self.inertia / self.mass))
     }
 
     /// The manoeuvre in the varied air.

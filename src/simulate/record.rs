@@ -27,7 +27,7 @@ impl Recorder {
     /// A recorder for a flight.
     #[must_use]
     pub fn new(flight: &Flight<'_>) -> Self {
-        let vehicle = flight.simulator.vehicle();
+        let airframe = flight.simulator.airframe();
         let mut columns = Vec::new();
         let mut add = |name: &str, kind: Kind| columns.push(Column { name: name.into(), kind });
         add("time", Kind::Time);
@@ -60,15 +60,15 @@ impl Recorder {
                 add(name, kind);
             }
         }
-        for state in &vehicle.layout.states {
-            let rate = ["p", "q", "r"].contains(&state.name.as_str());
-            add(&state.name, if rate { Kind::AngularRate } else { shown(state.kind) });
+        for (name, kind) in airframe.states() {
+            let rate = ["p", "q", "r"].contains(&name.as_str());
+            add(&name, if rate { Kind::AngularRate } else { shown(kind) });
         }
         for stick in STICKS {
             add(&format!("{stick}_stick"), Kind::Percent);
         }
-        for effector in &vehicle.layout.effectors {
-            add(&effector.name, shown(effector.kind));
+        for (name, kind) in airframe.effectors() {
+            add(&name, shown(kind));
         }
         for name in ["wind_north", "wind_east", "wind_down"] {
             add(name, Kind::Velocity);
@@ -76,11 +76,12 @@ impl Recorder {
         for name in ["air_rate_north", "air_rate_east", "air_rate_down"] {
             add(name, Kind::AngularRate);
         }
-        for rotor in &vehicle.rotors {
-            add(&format!("{}.power", rotor.name), Kind::Power);
+        let rotors = airframe.rotors();
+        for rotor in &rotors {
+            add(&format!("{rotor}.power"), Kind::Power);
         }
         let row = Vec::with_capacity(columns.len());
-        Self { columns, row, powers: vec![0.0; vehicle.rotors.len()] }
+        Self { columns, row, powers: vec![0.0; rotors.len()] }
     }
 
     /// Columns, in order.
@@ -129,8 +130,8 @@ impl Recorder {
     /// The states' places begin at the first of them.
     #[must_use]
     pub fn first_state(&self, flight: &Flight<'_>) -> usize {
-        let first = &flight.simulator.vehicle().layout.states[Layout::BODY.velocity].name;
-        self.column(first).unwrap_or(0)
+        let first = flight.simulator.airframe().state_name(Layout::BODY.velocity);
+        first.and_then(|name| self.column(name)).unwrap_or(0)
     }
 }
 

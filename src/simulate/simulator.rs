@@ -1,5 +1,5 @@
-//! The stepper: the full nonlinear vehicle with its equipment, one period of
-//! the control computer at a time.
+//! The stepper: an airframe with its equipment, one period of the control
+//! computer at a time.
 //!
 //! ```text
 //! loop {
@@ -9,18 +9,18 @@
 //! }
 //! ```
 //!
-//! Every state of the vehicle is integrated, azimuth-resolved, with steps of
-//! fixed length: a whole number of them makes a control period, so that the
+//! Every state of the airframe is integrated, a vehicle's azimuth-resolved, with
+//! steps of fixed length: a whole number of them makes a control period, so that the
 //! control computer samples without jitter. A step allocates nothing.
 
+use super::airframe::{Airframe, Start, Work};
 use super::equipment::{Actuators, Delay, MEASURED, Noise, SensorFilter, SensorNoise};
 use super::wind::{Air, Passage, Weather};
 use crate::control::law::Measurement;
 use crate::control::plant::Hardware;
 use crate::numerics::integration::{Integrator, RUNGE_KUTTA_4};
 use crate::trim::ConvergedTrim;
-use crate::vehicle::{AirMotion, Layout, Vehicle, Workspace};
-use std::f64::consts::TAU;
+use crate::vehicle::{AirMotion, Layout, Vehicle, navigation};
 
 /// How to simulate.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,26 +108,13 @@ pub struct Departure {
     pub bound: f64,
 }
 
-/// Attitude near which Euler angles end, rad.
-const ATTITUDE_BOUND: f64 = 80.0 * std::f64::consts::PI / 180.0;
-/// Body rates far beyond those of flight, rad/s.
-const RATE_BOUND: f64 = 6.0;
-/// Velocities at which no helicopter flies, m/s.
-const VELOCITY_BOUND: f64 = 150.0;
-/// Flapping beyond any stop, rad.
-const FLAPPING_BOUND: f64 = 0.6;
-/// Inflow ratio beyond any, 1.
-const INFLOW_BOUND: f64 = 1.0;
-/// Rotor speed off nominal, as a fraction of it.
-const SPEED_BOUND: f64 = 0.5;
-
 /// Heading, then position north, east and down, behind the vehicle's states.
 const NAVIGATION: usize = 4;
 
-/// A vehicle in flight.
+/// An airframe in flight.
 #[derive(Debug, Clone)]
 pub struct Simulator<'a> {
-    vehicle: &'a Vehicle,
+    airframe: Airframe<'a>,
     options: Options,
     /// Control periods flown.
     periods: u64,
@@ -135,21 +122,23 @@ pub struct Simulator<'a> {
     substeps: usize,
     /// Length of an integration step, s.
     step: f64,
-    /// States of the vehicle, then heading, north, east, down.
+    /// States of the airframe, then heading, north, east, down.
     state: Vec<f64>,
     bounds: Vec<[f64; 2]>,
     integrator: Integrator<f64>,
-    work: Workspace<f64>,
+    work: Work,
     rates: Vec<f64>,
-    /// Commanded blade controls.
+    /// Commanded effectors.
     command: Vec<f64>,
-    /// Blade controls at the start, the middle and the end of a step.
+    /// Effectors at the start, the middle and the end of a step.
     effectors: [Vec<f64>; 3],
     actuators: Actuators,
     delay: Delay,
     filter: SensorFilter,
     noise: Noise,
     air: Air,
+    /// Places of what the sensors see.
+    seen: [usize; Layout::BODY.count],
     /// Whether the rotors turn without the engine.
     engine_out: bool,
     /// Rotor speeds that are then commanded, rad/s.
@@ -168,69 +157,93 @@ impl<'a> Simulator<'a> {
         start: &ConvergedTrim,
         options: &Options,
     ) -> Result<Self, SimulationError> {
-        check(options)?;
-        let trim = start.point();
+        Self::of(vehicle.into(), &start.into(), options)
+    }
+
+    /// As [`Simulator::new`], for any airframe.
+    ///
+    /// # Errors
+    /// Options that make no sense.
+    pub fn of(
+        airframe: Airframe<'a>,
+        start: &Start,
+        options: &Options,
+    ) -> Result<Self, SimulationError> {
+        let hardware = airframe.hardware(options);
+        check(options, &hardware)?;
         let period = 1.0 / options.control_rate;
-        let turns = period * vehicle.reference_speed / TAU;
-        let substeps = (turns * options.steps_per_revolution as f64).ceil().max(1.0) as usize;
+        let substeps = airframe.substeps(period, options);
         let step = period / substeps as f64;
-        let n = vehicle.state_count();
-        let mut state = trim.state.clone();
+        let n = airframe.state_count();
+        let mut state = start.state.clone();
         state.extend([options.heading, 0.0, 0.0, -options.height]);
-        let span = vehicle.rotors.iter().map(|rotor| 2.0 * rotor.radius).fold(0.0, f64::max);
-        let air = Air::new(options.weather.clone(), span, options.seed, options.heading);
+        let air = Air::new(options.weather.clone(), airframe.span(), options.seed, options.heading);
         let body = Layout::BODY;
-        let mean = &trim.mean_state;
+        let mean = &start.mean_state;
         let wind = to_body(air.velocity(), options.heading, state[body.roll], state[body.pitch]);
         let wind_mean = to_body(air.velocity(), options.heading, mean[body.roll], mean[body.pitch]);
+        let seen = airframe.measured();
         let mut measured = [0.0; MEASURED];
-        measured[..body.count].copy_from_slice(&mean[..body.count]);
-        measured[MEASURED - 1] = vehicle.navigation(mean)[1];
-        for (velocity, wind) in state[body.velocity..].iter_mut().zip(wind) {
-            *velocity += wind;
+        for (value, place) in measured.iter_mut().zip(seen) {
+            *value = mean[place];
+        }
+        measured[MEASURED - 1] = navigation(mean)[1];
+        for (k, wind) in wind.into_iter().enumerate() {
+            let place = body.velocity + k;
+            state[place] += wind;
+            // What is measured late has settled too.
+            if seen[place] != place {
+                state[seen[place]] += wind;
+            }
         }
         for (velocity, wind) in measured.iter_mut().zip(wind_mean) {
             *velocity += wind;
         }
-        let mut effectors = vec![0.0; vehicle.effector_count()];
-        vehicle.mix(&trim.sticks, &mut effectors);
-        let pure = options.hardware.delay + options.extra_delay - 0.5 * period;
+        let mut effectors = vec![0.0; airframe.effector_count()];
+        airframe.mix(&start.sticks, &mut effectors);
+        let pure = hardware.delay + options.extra_delay - 0.5 * period;
         let tick = 0.5 * step;
-        let hardware = &options.hardware;
+        let mut bounds = airframe.bounds();
+        bounds.extend([[-f64::MAX, f64::MAX]; NAVIGATION]);
+        let coasting = airframe
+            .vehicle()
+            .map(|vehicle| vehicle.rotors.iter().map(|rotor| rotor.speed).collect())
+            .unwrap_or_default();
         Ok(Self {
-            vehicle,
+            airframe,
             options: options.clone(),
             periods: 0,
             substeps,
             step,
-            bounds: bounds(vehicle),
+            bounds,
             integrator: Integrator::new(RUNGE_KUTTA_4, n + NAVIGATION),
-            work: vehicle.workspace(),
+            work: airframe.workspace(),
             rates: vec![0.0; n],
             command: effectors.clone(),
             actuators: Actuators::new(
-                vehicle,
-                hardware,
-                options.pitch_rate_limit,
+                &airframe.actuators(),
+                &hardware,
+                airframe.rate_limit(options),
                 tick,
                 &effectors,
             ),
             effectors: [effectors.clone(), effectors.clone(), effectors],
-            delay: Delay::new(pure, tick, 2 * substeps, trim.sticks),
+            delay: Delay::new(pure, tick, 2 * substeps, start.sticks),
             filter: SensorFilter::new(hardware.sensor_bandwidth, step, measured),
             noise: Noise::new(options.seed, 0),
             air,
+            seen,
             engine_out: false,
-            coasting: vehicle.rotors.iter().map(|rotor| rotor.speed).collect(),
+            coasting,
             departure: None,
             state,
         })
     }
 
-    /// The vehicle.
+    /// What flies.
     #[must_use]
-    pub fn vehicle(&self) -> &Vehicle {
-        self.vehicle
+    pub fn airframe(&self) -> Airframe<'a> {
+        self.airframe
     }
 
     /// How it simulates.
@@ -264,22 +277,22 @@ impl<'a> Simulator<'a> {
         0.5 * self.step * self.delay.lag() as f64 + 0.5 * self.period()
     }
 
-    /// States of the vehicle, in the order of its layout.
+    /// States of the airframe, in its order.
     #[must_use]
     pub fn state(&self) -> &[f64] {
-        &self.state[..self.vehicle.state_count()]
+        &self.state[..self.airframe.state_count()]
     }
 
     /// Heading, rad, not wrapped.
     #[must_use]
     pub fn heading(&self) -> f64 {
-        self.state[self.vehicle.state_count()]
+        self.state[self.airframe.state_count()]
     }
 
     /// Position north, east and down of the start's point on the ground, m.
     #[must_use]
     pub fn position(&self) -> [f64; 3] {
-        let n = self.vehicle.state_count();
+        let n = self.airframe.state_count();
         [self.state[n + 1], self.state[n + 2], self.state[n + 3]]
     }
 
@@ -287,7 +300,7 @@ impl<'a> Simulator<'a> {
     /// starboard and down (m/s).
     #[must_use]
     pub fn navigation(&self) -> [f64; 4] {
-        self.vehicle.navigation(self.state())
+        navigation(self.state())
     }
 
     /// True airspeed, m/s.
@@ -295,6 +308,12 @@ impl<'a> Simulator<'a> {
     pub fn airspeed(&self) -> f64 {
         let wind = self.wind_body();
         norm(&[0, 1, 2].map(|k| self.state[Layout::BODY.velocity + k] - wind[k]))
+    }
+
+    /// Airspeed along the body's x axis, m/s.
+    #[must_use]
+    pub fn axial_airspeed(&self) -> f64 {
+        self.state[Layout::BODY.velocity] - self.wind_body()[0]
     }
 
     /// Velocity of the air, north, east, down, m/s.
@@ -320,7 +339,7 @@ impl<'a> Simulator<'a> {
         moving(self.air.velocity(), self.air.rate(), angles)
     }
 
-    /// Blade controls as they are.
+    /// Effectors as they are.
     #[must_use]
     pub fn effectors(&self) -> &[f64] {
         &self.effectors[2]
@@ -332,15 +351,20 @@ impl<'a> Simulator<'a> {
         &self.actuators
     }
 
-    /// Shaft power of each rotor, W, written into `powers`.
+    /// Shaft power of each rotor, W, written into `powers`; nothing where there
+    /// are no rotors.
     pub fn powers(&mut self, powers: &mut [f64]) {
-        let n = self.vehicle.state_count();
         let wind = self.air_motion();
-        let azimuth = self.time() * self.vehicle.reference_speed;
-        let state = &self.state[..n];
-        let vehicle = self.vehicle;
-        vehicle.rates(azimuth, state, &self.effectors[2], wind, &mut self.work, &mut self.rates);
-        let output = vehicle.output(state, &self.effectors[2], wind, &self.work);
+        let time = self.time();
+        let n = self.airframe.state_count();
+        let (state, effectors) = (&self.state[..n], &self.effectors[2]);
+        let (Airframe::Vehicle(vehicle), Work::Vehicle(work)) = (self.airframe, &mut self.work)
+        else {
+            return;
+        };
+        let azimuth = time * vehicle.reference_speed;
+        vehicle.rates(azimuth, state, effectors, wind, work, &mut self.rates);
+        let output = vehicle.output(state, effectors, wind, work);
         for (power, rotor) in powers.iter_mut().zip(&output.rotors) {
             *power = rotor.power;
         }
@@ -355,20 +379,27 @@ impl<'a> Simulator<'a> {
     /// The engine fails: from now on the rotors, on one shaft, turn by what the
     /// air does to them, J Ω' = −Q. Rotors whose speed is held exactly keep it.
     pub fn fail_engine(&mut self) {
-        self.engine_out = self.vehicle.layout.rotors.iter().all(|rotor| rotor.speed.is_some());
+        self.engine_out = self
+            .airframe
+            .vehicle()
+            .is_some_and(|vehicle| vehicle.layout.rotors.iter().all(|rotor| rotor.speed.is_some()));
     }
 
     /// Rotor speeds to command so that the governors give the rates of rotors
     /// without an engine, by blade control. The torque of a shaft is linear in
     /// its acceleration, so that one step from the present one is exact.
     fn coast(&mut self) {
-        let n = self.vehicle.state_count();
         let wind = self.air_motion();
-        let vehicle = self.vehicle;
-        let azimuth = self.time() * vehicle.reference_speed;
-        let state = &self.state[..n];
-        vehicle.rates(azimuth, state, &self.effectors[2], wind, &mut self.work, &mut self.rates);
-        let output = vehicle.output(state, &self.effectors[2], wind, &self.work);
+        let time = self.time();
+        let n = self.airframe.state_count();
+        let (state, effectors) = (&self.state[..n], &self.effectors[2]);
+        let (Airframe::Vehicle(vehicle), Work::Vehicle(work)) = (self.airframe, &mut self.work)
+        else {
+            return;
+        };
+        let azimuth = time * vehicle.reference_speed;
+        vehicle.rates(azimuth, state, effectors, wind, work, &mut self.rates);
+        let output = vehicle.output(state, effectors, wind, work);
         // Reduced to the speed of the reference rotor by the gear ratios.
         let (mut torque, mut inertia, mut acceleration) = (0.0, 0.0, 0.0);
         for ((rotor, places), loads) in
@@ -438,8 +469,8 @@ impl<'a> Simulator<'a> {
     }
 
     fn substep(&mut self, substep: usize) {
-        let vehicle = self.vehicle;
-        let n = vehicle.state_count();
+        let airframe = self.airframe;
+        let n = airframe.state_count();
         let body = Layout::BODY;
         let (wind_earth, turning_earth) = (self.air.velocity(), self.air.rate());
         if self.engine_out {
@@ -448,8 +479,8 @@ impl<'a> Simulator<'a> {
         self.effectors.rotate_right(1);
         let [_, middle, end] = &mut self.effectors;
         for (half, positions) in [middle, end].into_iter().enumerate() {
-            vehicle.mix(&self.delay.at(2 * substep + half), &mut self.command);
-            if self.engine_out {
+            airframe.mix(&self.delay.at(2 * substep + half), &mut self.command);
+            if let (true, Some(vehicle)) = (self.engine_out, airframe.vehicle()) {
                 for (places, speed) in vehicle.layout.rotors.iter().zip(&self.coasting) {
                     if let Some(place) = places.command {
                         self.command[place] = *speed;
@@ -457,19 +488,7 @@ impl<'a> Simulator<'a> {
                 }
             }
             self.actuators.advance(&self.command);
-            // Rotor speeds that the sticks command have no actuator but their
-            // motor, which keeps within its limits. A governor's command has
-            // none: with it a failed engine's torque is written.
-            for ((rotor, places), limits) in vehicle
-                .rotors
-                .iter()
-                .zip(&vehicle.layout.rotors)
-                .zip(&vehicle.controls.speed_limits)
-            {
-                if let (true, Some(place)) = (rotor.commanded, places.command) {
-                    self.command[place] = self.command[place].clamp(limits[0], limits[1]);
-                }
-            }
+            limit_speeds(airframe, &mut self.command);
             positions.copy_from_slice(&self.command);
             self.actuators.write(positions);
         }
@@ -478,15 +497,14 @@ impl<'a> Simulator<'a> {
         let time = (self.periods * self.substeps as u64 + substep as u64) as f64 * self.step;
         let (work, mut stage) = (&mut self.work, 0);
         self.integrator.step(time, self.step, &mut self.state, |time, x, rates| {
-            let (x, navigation) = x.split_at(n);
+            let (x, place) = x.split_at(n);
             let (rates, position_rates) = rates.split_at_mut(n);
-            let angles = [navigation[0], x[body.roll], x[body.pitch]];
+            let angles = [place[0], x[body.roll], x[body.pitch]];
             let wind = moving(wind_earth, turning_earth, angles);
-            let azimuth = time * vehicle.reference_speed;
-            vehicle.rates(azimuth, x, controls[stage], wind, work, rates);
+            airframe.rates(time, x, controls[stage], wind, work, rates);
             stage += 1;
-            let [heading_rate, forward, right, down] = vehicle.navigation(x);
-            let (s, c) = navigation[0].sin_cos();
+            let [heading_rate, forward, right, down] = navigation(x);
+            let (s, c) = place[0].sin_cos();
             position_rates.copy_from_slice(&[
                 heading_rate,
                 forward * c - right * s,
@@ -503,14 +521,16 @@ impl<'a> Simulator<'a> {
         };
         self.air.advance(time, self.step, &passage);
         let mut measured = [0.0; MEASURED];
-        measured[..body.count].copy_from_slice(&self.state[..body.count]);
+        for (value, place) in measured.iter_mut().zip(self.seen) {
+            *value = self.state[place];
+        }
         let mut air = [0.0; Layout::BODY.count];
-        air.copy_from_slice(&self.state[..body.count]);
+        air.copy_from_slice(&measured[..body.count]);
         let wind = self.wind_body();
         for (velocity, wind) in air[body.velocity..].iter_mut().zip(wind) {
             *velocity -= wind;
         }
-        measured[MEASURED - 1] = vehicle.navigation(&air)[1];
+        measured[MEASURED - 1] = navigation(&air)[1];
         self.filter.advance(measured);
     }
 
@@ -521,8 +541,7 @@ impl<'a> Simulator<'a> {
             .iter()
             .zip(&self.bounds)
             .position(|(x, [low, high])| !(low..=high).contains(&x))?;
-        let names = &self.vehicle.layout.states;
-        let state = names.get(place).map_or("position", |s| s.name.as_str()).to_owned();
+        let state = self.airframe.state_name(place).unwrap_or("position").to_owned();
         let [low, high] = self.bounds[place];
         let value = self.state[place];
         let (value, bound) = if value.is_finite() {
@@ -535,9 +554,8 @@ impl<'a> Simulator<'a> {
     }
 }
 
-fn check(options: &Options) -> Result<(), SimulationError> {
+fn check(options: &Options, h: &Hardware) -> Result<(), SimulationError> {
     let positive = "a positive number";
-    let h = &options.hardware;
     for (what, value) in [
         ("the control rate", options.control_rate),
         ("the actuators' bandwidth", h.actuator_bandwidth),
@@ -582,43 +600,26 @@ fn check(options: &Options) -> Result<(), SimulationError> {
     }
     let half_period = 0.5 / options.control_rate;
     let delay = h.delay + options.extra_delay;
-    if delay < half_period * (1.0 - 1e-9) {
+    // Models that have their hardware inside leave no delay that could be the
+    // hold's: it comes on top.
+    if *h != Hardware::INCLUDED && delay < half_period * (1.0 - 1e-9) {
         return Err(SimulationError::Hold { delay, half_period });
     }
     Ok(())
 }
 
-/// Bounds of every state, and none on heading and position but that they are
-/// numbers.
-fn bounds(vehicle: &Vehicle) -> Vec<[f64; 2]> {
-    let body = Layout::BODY;
-    let n = vehicle.state_count();
-    let within = |bound: f64| [-bound, bound];
-    let mut bounds = vec![within(INFLOW_BOUND); n];
-    for k in 0..3 {
-        bounds[body.velocity + k] = within(VELOCITY_BOUND);
-        bounds[body.rate + k] = within(RATE_BOUND);
-    }
-    bounds[body.roll] = within(ATTITUDE_BOUND);
-    bounds[body.pitch] = within(ATTITUDE_BOUND);
-    for (rotor, places) in vehicle.rotors.iter().zip(&vehicle.layout.rotors) {
-        let [start, angles, rates] = places.flap;
-        bounds[start..start + angles].fill(within(FLAPPING_BOUND));
-        bounds[start + angles..start + angles + rates].fill(within(FLAPPING_BOUND * rotor.speed));
-        if let Some(start) = places.speed {
-            let [low, high] = if rotor.commanded {
-                [0.0, 10.0 * rotor.speed]
-            } else {
-                [rotor.speed * (1.0 - SPEED_BOUND), rotor.speed * (1.0 + SPEED_BOUND)]
-            };
-            bounds[start] = [low, high];
-        }
-        if let Some(place) = places.azimuth {
-            bounds[place] = within(f64::MAX);
+/// Rotor speeds that the sticks command have no actuator but their motor, which
+/// keeps within its limits. A governor's command has none: with it a failed
+/// engine's torque is written.
+fn limit_speeds(airframe: Airframe<'_>, command: &mut [f64]) {
+    let Airframe::Vehicle(vehicle) = airframe else { return };
+    for ((rotor, places), limits) in
+        vehicle.rotors.iter().zip(&vehicle.layout.rotors).zip(&vehicle.controls.speed_limits)
+    {
+        if let (true, Some(place)) = (rotor.commanded, places.command) {
+            command[place] = command[place].clamp(limits[0], limits[1]);
         }
     }
-    bounds.extend([within(f64::MAX); NAVIGATION]);
-    bounds
 }
 
 /// A vector from earth axes to body axes.

@@ -116,6 +116,24 @@ impl From<[f64; 3]> for AirMotion {
     }
 }
 
+/// Rates of the heading (rad/s) and velocity over the ground in heading axes,
+/// forward, to starboard and down (m/s), from u v w p q r φ θ, which come first
+/// in a state.
+#[inline(always)]
+pub fn navigation<S: Scalar>(state: &[S]) -> [S; 4] {
+    let [u, v, w, _, q, r] = [state[0], state[1], state[2], state[3], state[4], state[5]];
+    let (sin_phi, cos_phi) = state[6].sin_cos();
+    let (sin_theta, cos_theta) = state[7].sin_cos();
+    let heading_rate = (q * sin_phi + r * cos_phi) / cos_theta;
+    let lifted = v * sin_phi + w * cos_phi;
+    [
+        heading_rate,
+        u * cos_theta + lifted * sin_theta,
+        v * cos_phi - w * sin_phi,
+        lifted * cos_theta - u * sin_theta,
+    ]
+}
+
 /// A rotorcraft, ready to be evaluated.
 #[derive(Debug, Clone)]
 pub struct Vehicle {
@@ -737,21 +755,10 @@ impl Vehicle {
         [velocity, rate]
     }
 
-    /// Rates of the heading (rad/s) and velocity over the ground in heading
-    /// axes, forward, to starboard and down (m/s), from the state alone.
+    /// [`navigation`] of a state.
     #[inline(always)]
     pub fn navigation<S: Scalar>(&self, state: &[S]) -> [S; 4] {
-        let [u, v, w, _, q, r] = [state[0], state[1], state[2], state[3], state[4], state[5]];
-        let (sin_phi, cos_phi) = state[6].sin_cos();
-        let (sin_theta, cos_theta) = state[7].sin_cos();
-        let heading_rate = (q * sin_phi + r * cos_phi) / cos_theta;
-        let lifted = v * sin_phi + w * cos_phi;
-        [
-            heading_rate,
-            u * cos_theta + lifted * sin_theta,
-            v * cos_phi - w * sin_phi,
-            lifted * cos_theta - u * sin_theta,
-        ]
+        navigation(state)
     }
 
     #[inline(always)]

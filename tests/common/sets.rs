@@ -17,6 +17,7 @@ pub fn uh60a() -> LtiSet {
 }
 
 /// The example as a set of our own, with trims.
+#[allow(dead_code)]
 pub fn own_set() -> ModelSet {
     let set = uh60a();
     let trims = set.models.iter().map(|m| {
