@@ -11,7 +11,7 @@ use serde_json::Value as Json;
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Names of all schemas, as the program lists them.
-const NAMES: [&str; 22] = [
+const NAMES: [&str; 24] = [
     "problem",
     "specification",
     "maneuver",
@@ -34,6 +34,8 @@ const NAMES: [&str; 22] = [
     "montecarlo",
     "study",
     "run",
+    "sweep",
+    "case",
 ];
 
 /// Every schema is published as it is written, has an address of its own, and

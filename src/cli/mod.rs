@@ -29,8 +29,10 @@ mod parquet;
 mod png;
 mod report;
 mod rotor;
+mod rows;
 mod schema;
 mod simulate;
+mod sweep;
 pub(crate) mod trim;
 mod tune;
 mod validate;
@@ -101,6 +103,8 @@ pub enum Command {
     Identify(identify::Identify),
     /// Fly a manoeuvre many times with the aircraft and the air varied
     Montecarlo(montecarlo::MonteCarlo),
+    /// Tune or verify for each of many problems or specifications
+    Sweep(sweep::Sweep),
     /// Linear models of a trim: periodic, averaged, harmonic, reduced
     Linearize(linearize::Linearize),
     /// Eigenvalues or Floquet exponents of a trim, and what they are
@@ -136,6 +140,7 @@ impl Command {
             Command::Simulate(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Montecarlo(command) => command.run(),
+            Command::Sweep(command) => command.run(),
             Command::Linearize(command) => command.run(),
             Command::Modes(command) => command.run(),
             Command::Bode(command) => command.run(),

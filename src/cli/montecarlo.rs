@@ -1,22 +1,16 @@
 //! `coaxdesign montecarlo`.
 
 use std::collections::BTreeMap;
-use std::fs::TryLockError;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use clap::Args;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
 use super::designs::Craft;
 use super::fly::{FlyArgs, Ready};
+use super::rows::{Job, Row, RowArgs, to_csv};
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
-use coaxdesign::report::progress::Progress;
 use coaxdesign::simulate::montecarlo::{COLUMNS, Criterion, Ranges, Run, wilson};
 use coaxdesign::units::{Kind, parse_quantity};
 
@@ -37,24 +31,11 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "N", default_value_t = 200,
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     runs: u32,
-    /// Fly only this part of the study, such as 0/4 to 3/4
-    #[arg(long, value_name = "I/N")]
-    shard: Option<String>,
     /// Fly only this run of the study, from 0
     #[arg(long, value_name = "K", conflicts_with = "shard")]
     run_only: Option<u32>,
-    /// File of runs, JSON lines
-    #[arg(short, long, value_name = "FILE.jsonl")]
-    output: Option<PathBuf>,
-    /// Add the runs of these files (of the same study) to the summary, and to -o
-    #[arg(long, value_name = "FILE.jsonl", num_args = 1..)]
-    merge: Vec<PathBuf>,
-    /// End with exit code 1 if a run is no success
-    #[arg(long)]
-    fail_on_miss: bool,
-    /// End a merge with exit code 1 if runs of the study are missing
-    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
-    require_complete: bool,
+    #[command(flatten)]
+    rows: RowArgs,
     /// Range of the mass either way, as a fraction
     #[arg(long, value_name = "FRACTION", default_value_t = 0.1)]
     mass: f64,
@@ -98,74 +79,20 @@ impl MonteCarlo {
         let ready = self.fly.ready(self.run.quiet)?;
         let study = self.study(&ready)?;
         let head = study.head();
-        let runs = head.runs;
-        let mut known = BTreeMap::new();
-        let file = self.output.as_deref().map(|path| RunFile::open(path, head, &mut known));
-        let file = file.transpose()?;
-        for path in &self.merge {
-            read_runs(path, head, &mut known)?;
-        }
-        let wanted = self.wanted(runs)?;
-        let missing: Vec<usize> = wanted.into_iter().filter(|k| !known.contains_key(k)).collect();
-        let file = Mutex::new(file);
-        let progress = Progress::new("flights", missing.len() as u64, self.run.quiet);
-        let flown: Vec<Run> = missing
-            .par_iter()
-            .map(|&index| {
-                let run = study.run(index, &Silent)?;
-                if let Some(file) =
-                    file.lock().unwrap_or_else(std::sync::PoisonError::into_inner).as_mut()
-                {
-                    file.add(&run)?;
-                }
-                progress.advance();
-                Ok(run)
-            })
-            .collect::<Result<_, CliError>>()?;
-        progress.finish();
-        known.extend(flown.into_iter().map(|run| (run.run, run)));
-        if let Some(file) = file.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
-            file.finish(&known)?;
-        }
-        let list: Vec<&Run> = known.values().collect();
-        output::print(&self.summary(&ready, head, &list)?)?;
-        self.outcome(runs, &list)
-    }
-
-    /// Runs that this command is to fly, if they are not there yet.
-    fn wanted(&self, runs: usize) -> Result<Vec<usize>, CliError> {
-        let wanted: Vec<usize> = match (&self.shard, self.run_only) {
-            (_, Some(only)) => vec![only as usize],
-            (Some(shard), None) => {
-                let (index, count) = shard_of(shard)?;
-                (0..runs).filter(|k| k % count == index).collect()
-            }
-            // Merging alone flies nothing.
-            (None, None) if !self.merge.is_empty() => Vec::new(),
-            (None, None) => (0..runs).collect(),
+        let job = Job {
+            head,
+            hash: head.hash(),
+            columns: COLUMNS.map(|(name, unit)| (name.to_string(), unit.to_string())).to_vec(),
+            count: head.runs,
+            noun: "runs",
+            doing: "flights",
         };
-        match wanted.iter().find(|k| **k >= runs) {
-            Some(beyond) => Err(CliError::Usage {
-                message: format!("there is no run {beyond}"),
-                help: format!("the study's runs are 0 to {}", runs - 1),
-            }),
-            None => Ok(wanted),
-        }
-    }
-
-    /// Flown is done; a merge that lacks runs, and a miss where that was asked
-    /// about, is not.
-    fn outcome(&self, runs: usize, list: &[&Run]) -> Result<Outcome, CliError> {
-        if !self.merge.is_empty() && self.require_complete && list.len() < runs {
-            output::note(&format!(
-                "error: {} of {runs} runs are missing\n  help: fly the shards that are not there; \
-                 --require-complete false takes what is\n",
-                runs - list.len()
-            ));
-            return Ok(Outcome::GoalMissed);
-        }
-        let missed = list.iter().any(|run| !run.success);
-        Ok(if self.fail_on_miss && missed { Outcome::GoalMissed } else { Outcome::Done })
+        let only = self.run_only.map(|run| run as usize);
+        let known =
+            self.rows.rows(&job, only, self.run.quiet, |index| Ok(study.run(index, &Silent)?))?;
+        output::print(&self.summary(&ready, head, &known)?)?;
+        let missed = known.values().any(|run| !run.success);
+        Ok(self.rows.outcome(head.runs, "runs", known.len(), missed))
     }
 
     fn study(&self, ready: &Ready) -> Result<Study, CliError> {
@@ -225,11 +152,20 @@ impl MonteCarlo {
         })
     }
 
-    fn summary(&self, ready: &Ready, head: &StudyHead, list: &[&Run]) -> Result<String, CliError> {
+    fn summary(
+        &self,
+        ready: &Ready,
+        head: &StudyHead,
+        runs: &BTreeMap<usize, Run>,
+    ) -> Result<String, CliError> {
+        if self.format.shown() == Format::Csv {
+            return to_csv(&COLUMNS.map(|(name, _)| name.to_string()), runs);
+        }
+        let list: Vec<&Run> = runs.values().collect();
         let count = |word: &str| list.iter().filter(|run| run.status == word).count();
         let successes = list.iter().filter(|run| run.success).count();
         let [low, high] = wilson(successes, list.len(), 1.96);
-        let mut worst: Vec<&&Run> = list.iter().collect();
+        let mut worst = list.clone();
         let badness = |run: &Run| {
             // Ended early before flown badly.
             let ended = if run.status == "completed" { 0.0 } else { 1e6 };
@@ -259,25 +195,6 @@ impl MonteCarlo {
             let text = serde_json::to_string_pretty(&value)
                 .map_err(|error| CliError::Internal(error.to_string()))?;
             return Ok(text + "\n");
-        }
-        if self.format.shown() == Format::Csv {
-            let mut text = COLUMNS.map(|(name, _)| name).join(",") + "\n";
-            for run in list {
-                let row = serde_json::to_value(run)
-                    .map_err(|error| CliError::Internal(error.to_string()))?;
-                let cells: Vec<String> = row
-                    .as_object()
-                    .into_iter()
-                    .flat_map(|row| row.values())
-                    .map(|value| match value {
-                        Json::Null => String::new(),
-                        Json::String(text) => text.clone(),
-                        other => other.to_string(),
-                    })
-                    .collect();
-                text += &(cells.join(",") + "\n");
-            }
-            return Ok(text);
         }
         let system = ready.system(self.units);
         let unit = Kind::Airspeed.symbol(system);
@@ -335,137 +252,8 @@ impl MonteCarlo {
     }
 }
 
-/// `I/N`.
-fn shard_of(text: &str) -> Result<(usize, usize), CliError> {
-    let parts = text.split_once('/').and_then(|(index, count)| {
-        Some((index.trim().parse::<usize>().ok()?, count.trim().parse::<usize>().ok()?))
-    });
-    match parts {
-        Some((index, count)) if index < count => Ok((index, count)),
-        _ => Err(CliError::Usage {
-            message: format!("--shard {text:?}: not a part of a whole"),
-            help: "write --shard 0/4 to --shard 3/4".into(),
-        }),
+impl Row for Run {
+    fn index(&self) -> usize {
+        self.run
     }
-}
-
-/// The file beside a file of runs that says what their study is:
-/// `runs.study.json` for `runs.jsonl`.
-fn head_path(path: &Path) -> PathBuf {
-    path.with_extension("study.json")
-}
-
-/// What the head file holds: the head, the study's hash, and the rows' units.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct HeadFile {
-    study: String,
-    head: StudyHead,
-    /// Units of the columns.
-    units: BTreeMap<String, String>,
-}
-
-/// A file of runs that this program alone adds to.
-struct RunFile {
-    path: PathBuf,
-    /// Locked for as long as it is open.
-    file: std::fs::File,
-}
-
-impl RunFile {
-    /// Opens a file and locks it; what it holds of the study goes to `known`.
-    /// A last line without an end was interrupted, and is cut off.
-    ///
-    /// # Errors
-    /// Another program that flies into it, or a file of another study.
-    fn open(
-        path: &Path,
-        head: &StudyHead,
-        known: &mut BTreeMap<usize, Run>,
-    ) -> Result<Self, CliError> {
-        let io = |source| CliError::Io { path: path.into(), source };
-        let mut options = std::fs::OpenOptions::new();
-        let file = options.read(true).append(true).create(true).open(path).map_err(io)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(CliError::Usage {
-                    message: format!("{}: another program is flying into it", path.display()),
-                    help: "give each shard a file of its own, and join them with --merge".into(),
-                });
-            }
-            Err(TryLockError::Error(source)) => return Err(io(source)),
-        }
-        if file.metadata().map_err(io)?.len() == 0 {
-            let mut units = BTreeMap::new();
-            for (name, unit) in COLUMNS {
-                units.insert(name.to_owned(), unit.to_owned());
-            }
-            let beside = HeadFile { study: head.hash(), head: head.clone(), units };
-            let text = serde_json::to_string_pretty(&beside)
-                .map_err(|error| CliError::Internal(error.to_string()))?;
-            output::write_whole(&head_path(path), (text + "\n").as_bytes(), true)?;
-        } else {
-            let whole = read_runs(path, head, known)?;
-            file.set_len(whole).map_err(io)?;
-        }
-        Ok(Self { path: path.into(), file })
-    }
-
-    fn add(&mut self, run: &Run) -> Result<(), CliError> {
-        let line =
-            serde_json::to_string(run).map_err(|error| CliError::Internal(error.to_string()))?;
-        self.file
-            .write_all((line + "\n").as_bytes())
-            .map_err(|source| CliError::Io { path: self.path.clone(), source })
-    }
-
-    /// Puts the runs in order, so that the bytes do not depend on the threads.
-    fn finish(self, runs: &BTreeMap<usize, Run>) -> Result<(), CliError> {
-        let mut text = String::new();
-        for run in runs.values() {
-            text += &serde_json::to_string(run)
-                .map_err(|error| CliError::Internal(error.to_string()))?;
-            text.push('\n');
-        }
-        output::write_whole(&self.path, text.as_bytes(), true)
-    }
-}
-
-/// Adds the runs of a file, and gives the length of its whole lines: a last
-/// line without an end is one that was interrupted.
-fn read_runs(
-    path: &Path,
-    head: &StudyHead,
-    known: &mut BTreeMap<usize, Run>,
-) -> Result<u64, CliError> {
-    let read = |path: &Path| {
-        std::fs::read_to_string(path).map_err(|source| CliError::Io { path: path.into(), source })
-    };
-    let other = |path: &Path, message: String| CliError::Usage {
-        message: format!("{}: {message}", path.display()),
-        help: "give another file with -o, or the arguments that the file was made with".into(),
-    };
-    let text = read(path)?;
-    let beside = head_path(path);
-    if !beside.exists() {
-        let name = beside.display();
-        return Err(other(path, format!("there is no {name}, which says what its study is")));
-    }
-    let found: HeadFile = serde_json::from_str(&read(&beside)?)
-        .map_err(|error| other(&beside, format!("it describes no study: {error}")))?;
-    let differences = head.differences(&found.head);
-    if !differences.is_empty() {
-        let list = differences.join("\n  ");
-        return Err(other(path, format!("it holds another study:\n  {list}")));
-    }
-    let mut length = 0;
-    let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-    for (number, line) in whole.enumerate() {
-        let run: Run = serde_json::from_str(line)
-            .map_err(|error| other(path, format!("line {}: {error}", number + 1)))?;
-        known.insert(run.run, run);
-        length += line.len() as u64;
-    }
-    Ok(length)
 }

@@ -74,10 +74,14 @@ enum Name {
     Steps,
     /// montecarlo --format json
     Montecarlo,
-    /// What a Monte Carlo study is: study.json, FILE.study.json
+    /// What a Monte Carlo study or a sweep is: study.json, FILE.study.json
     Study,
     /// A line of a file of runs
     Run,
+    /// sweep --format json
+    Sweep,
+    /// A line of a file of cases
+    Case,
 }
 
 impl Name {
@@ -118,6 +122,8 @@ impl Name {
             Name::Montecarlo => flight::montecarlo(),
             Name::Study => flight::study(),
             Name::Run => flight::run(),
+            Name::Sweep => design::sweep(),
+            Name::Case => design::case(),
         }
     }
 

@@ -104,6 +104,14 @@ pub fn load(path: &Path, mapping: &Mapping) -> Result<LtiSet, Report> {
     resolve::resolve(raw, mapping)
 }
 
+/// Reads a set from a text of JSON; `name` stands for the file in messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse_json(name: &str, text: &str, mapping: &Mapping) -> Result<LtiSet, Report> {
+    resolve::resolve(read::read_json(name, text)?, mapping)
+}
+
 /// A finding about a model.
 fn finding(file: &str, place: &str, message: String, help: String) -> Diagnostic {
     let mut diagnostic = Diagnostic::whole_file(file, message, help);

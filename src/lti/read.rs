@@ -106,9 +106,22 @@ pub(super) fn read(path: &Path, mapping: &Mapping) -> Result<RawSet, Report> {
     if set.name.is_empty() {
         set.name = stem;
     }
+    not_empty(&file, set)
+}
+
+/// As [`read`], from a text of JSON.
+pub(super) fn read_json(file: &str, text: &str) -> Result<RawSet, Report> {
+    let mut set = json(file, text.to_string())?;
+    if set.name.is_empty() {
+        set.name = "models".into();
+    }
+    not_empty(file, set)
+}
+
+fn not_empty(file: &str, set: RawSet) -> Result<RawSet, Report> {
     if set.models.is_empty() {
         let help = "docs/models.md shows what each form looks like";
-        return Err(one(&file, "", "there is no model in it".into(), help));
+        return Err(one(file, "", "there is no model in it".into(), help));
     }
     Ok(set)
 }

@@ -11,10 +11,10 @@
 //! | [`plants`] | a problem, a specification, speeds | what tuning and verification work on |
 //! | [`tune`] | a problem, [`Requirements`] | [`Tuned`]: schedule, verification, explanations |
 //! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
-//! | [`tune_models`], [`verify_models`] | the same for linear models from elsewhere | |
 //! | [`verify`] | a schedule, a problem, a specification | [`Verified`] |
 //! | [`fly`] | a problem, a schedule, a [`FlightPlan`] | [`Flown`]: metrics, and every row on the way |
 //! | [`Study`] | a problem, a schedule, a [`FlightPlan`] | its runs, one by one, varied |
+//! | [`Sweep`] | problems, specifications, a [`SweepPlan`] | a design for each case, one by one |
 //! | [`crate::export::export`] | a schedule | files of other programs |
 //!
 //! Every function takes an [`Observer`], which hears of progress and can stop
@@ -44,14 +44,18 @@ mod observer;
 mod requirements;
 mod stages;
 mod study;
+mod sweep;
 mod tuning;
+
+use study::StopOnly;
 
 pub use error::PipelineError;
 pub use lock::{DirectoryLock, LockError};
 pub use observer::{Observer, Silent, Task};
 pub use requirements::{Requirements, models_hash, problem_hash};
 pub use stages::{FlightPlan, Flown, fly, fly_models, models, trim};
-pub use study::{Part, STUDY_SCHEMA, Study, StudyHead};
+pub use study::{Part, STUDY_SCHEMA, Study, StudyHead, differences};
+pub use sweep::{Case, CaseFiles, SWEEP_SCHEMA, Sweep, SweepError, SweepHead, SweepPlan};
 pub use tuning::{
     PRICE_SHOWN, TuneOptions, Tuned, Verified, blade_controls, plants, plants_of_models, tune,
     tune_models, verification_document, verification_speeds, verify, verify_models,

@@ -61,10 +61,7 @@ impl StudyHead {
     /// for the same study.
     #[must_use]
     pub fn differences(&self, other: &Self) -> Vec<String> {
-        let json = |head: &Self| serde_json::to_value(head).unwrap_or_default();
-        let mut found = Vec::new();
-        compare("", &json(other), &json(self), &mut found);
-        found
+        differences(other, self)
     }
 
     /// Hash of the head: the name of the study.
@@ -74,14 +71,28 @@ impl StudyHead {
     }
 }
 
+/// Where what is there differs from what is here, as `path: value there, value
+/// here`; empty where both are the same.
+#[must_use]
+pub fn differences(there: &impl Serialize, here: &impl Serialize) -> Vec<String> {
+    let mut found = Vec::new();
+    let [there, here] =
+        [serde_json::to_value(there), serde_json::to_value(here)].map(Result::unwrap_or_default);
+    compare("", &there, &here, &mut found);
+    found
+}
+
 fn compare(path: &str, there: &Json, here: &Json, found: &mut Vec<String>) {
     if there == here {
         return;
     }
     if let (Json::Object(a), Json::Object(b)) = (there, here) {
+        let below = |key: &str| if path.is_empty() { key.into() } else { format!("{path}.{key}") };
         for (key, value) in a {
-            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            compare(&path, value, b.get(key).unwrap_or(&Json::Null), found);
+            compare(&below(key), value, b.get(key).unwrap_or(&Json::Null), found);
+        }
+        for (key, value) in b.iter().filter(|(key, _)| !a.contains_key(*key)) {
+            compare(&below(key), &Json::Null, value, found);
         }
         return;
     }
@@ -105,7 +116,7 @@ pub struct Study {
 }
 
 /// Hears of nothing but the wish to stop: a run is a step by itself.
-struct StopOnly<'a>(&'a dyn Observer);
+pub(super) struct StopOnly<'a>(pub &'a dyn Observer);
 
 impl Observer for StopOnly<'_> {
     fn cancelled(&self) -> bool {

@@ -100,8 +100,8 @@ fn check_file(path: &Path) {
     if name.ends_with(".jsonl") {
         for line in text.lines() {
             if let Ok(value) = serde_json::from_str(line) {
-                let first = value_key(&value, "schema");
-                check_against(&name, first.as_deref().unwrap_or("run"), &value);
+                let row = if value.get("case").is_some() { "case" } else { "run" };
+                check_against(&name, row, &value);
             }
         }
         return;
@@ -130,8 +130,7 @@ fn check_result(place: &str, value: &Json) {
     }
     let name = match (value_key(value, "schema"), value.get("head")) {
         (Some(name), _) => name,
-        (None, Some(_)) if value.get("study").is_some() => "study".into(),
-        (None, Some(_)) => "sweep-study".into(),
+        (None, Some(_)) => "study".into(),
         (None, None) => panic!("{place}: a result without a schema: {:.300}", value.to_string()),
     };
     check_against(place, &name, value);

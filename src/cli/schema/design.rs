@@ -1,11 +1,12 @@
 //! Schemas of designs: `verification.json`, `design.json`.
 
-use serde_json::Value as Json;
+use serde_json::{Value as Json, json};
 
 use super::build::{
     Entry, count, document, hash, list, named, number, object, or_null, positive, text, texts,
     truth, words,
 };
+use coaxdesign::pipeline::SWEEP_SCHEMA;
 
 /// What stands before results of a design.
 pub(super) fn head() -> [Entry<'static>; 4] {
@@ -168,26 +169,53 @@ fn authority() -> Json {
 }
 
 fn explanation() -> Json {
+    let class = || words("whose", &["nominal", "off_nominal"]);
+    let binding = object(
+        "A requirement that holds another back.",
+        &[
+            ("target", text("which")),
+            ("class", class()),
+            ("key", text("key of the specification that asks for it")),
+        ],
+        &[],
+    );
     let target = object(
         "A target.",
         &[
             ("target", text("which")),
+            ("class", class()),
             ("asked", number("in its unit")),
-            ("attainable", or_null(number("with the other targets held"))),
-            ("price_percent", or_null(number("change of activity for a tightening, %"))),
+            ("reached", or_null(number("with the worst model of the class; null: no limit"))),
+            ("missed", truth("whether the design misses it here")),
+            (
+                "attainable",
+                or_null(number(
+                    "missed: what can be had with the others held; met: at which it lets all be met",
+                )),
+            ),
+            ("key", text("key of the specification that asks for it")),
+            ("price_percent", or_null(number("rise of activity for a tightening, %"))),
             ("price_of", text("that tightening")),
         ],
-        &[],
+        &[
+            ("bound_by", list("what holds the attainable value", binding)),
+            ("set_to", text("what to write at the key for the attainable value")),
+        ],
     );
+    let mut remedy = texts("key that ties this speed to the others, and what to write there");
+    remedy["minItems"] = 2.into();
+    remedy["maxItems"] = 2.into();
     object(
         "What is known about a channel at a speed.",
         &[
             ("axis", axis()),
             speed(),
-            ("attainable", truth("whether all targets can be met at once")),
+            ("breakpoint", truth("whether the schedule has a breakpoint there")),
+            ("met", truth("whether the design meets every target here, with every model")),
+            ("attainable", truth("whether gains for this speed alone meet all targets")),
             ("targets", list("each", target)),
         ],
-        &[],
+        &[("remedy", remedy)],
     )
 }
 
@@ -235,6 +263,76 @@ pub(super) fn note() -> Json {
             ("options", named("choices that shape results", text(""))),
             ("stages", named("by name", stage)),
         ],
+    )
+}
+
+/// What a sweep is.
+pub(super) fn sweep_head() -> Json {
+    let part =
+        object("A part.", &[("name", text("for people")), ("hash", hash("of all it holds"))], &[]);
+    let plan = object(
+        "What is varied.",
+        &[
+            ("keys", texts("of a problem file; after spec., of a specification")),
+            ("cases", list("a value of every key for each case", list("a case", json!(true)))),
+        ],
+        &[],
+    );
+    document(
+        SWEEP_SCHEMA,
+        "What a sweep is: all that changes a result.",
+        &[
+            ("generator", text("program and version")),
+            ("problems", list("with their bases and tables", part.clone())),
+            ("specifications", list("each", part.clone())),
+            ("schedule", or_null(part)),
+            ("channels", texts("outer loops that are tuned; none: all")),
+            ("plan", plan),
+        ],
+        &[],
+    )
+}
+
+/// A row of a sweep: the varied keys stand between `case` and `status`.
+pub(super) fn case() -> Json {
+    let mut schema = object(
+        "A case of a sweep: its number, a value for every varied key, and what came of it.",
+        &[
+            ("case", count("from 0")),
+            ("status", words("what came of it", &["met", "missed", "no_design"])),
+            ("reason", or_null(text("why there is no design"))),
+            ("missed", or_null(count("rows of the verification that miss a requirement"))),
+            ("left_out", or_null(count("models and speeds that were not judged"))),
+            ("least_margin_percent", or_null(number("design margin of the nearest row, %"))),
+            ("least_margin_axis", or_null(text("its axis"))),
+            ("least_margin_speed_m_s", or_null(number("its speed, m/s"))),
+            ("least_margin_model", or_null(text("its model"))),
+            ("least_gain_margin_db", or_null(number("of all rows, dB"))),
+            ("least_phase_margin_deg", or_null(number("of all rows, deg"))),
+            ("growth_per_s", or_null(number("of the fastest growing mode, 1/s"))),
+            ("authority_used_percent", or_null(number("of a blade control's travel, %"))),
+        ],
+        &[],
+    );
+    for axis in AXES {
+        let name = format!("{axis}_margin_percent");
+        schema["properties"][&name] = or_null(number("least design margin of the axis, %"));
+        if let Some(required) = schema["required"].as_array_mut() {
+            required.push(name.into());
+        }
+    }
+    // The varied keys.
+    schema["additionalProperties"] = json!(true);
+    schema
+}
+
+/// `sweep --format json`.
+pub(super) fn sweep() -> Json {
+    document(
+        SWEEP_SCHEMA,
+        "A sweep with its rows.",
+        &[("sweep", sweep_head()), ("rows", list("in order", case()))],
+        &[],
     )
 }
 

@@ -6,7 +6,7 @@ use super::build::{
     Entry, count, document, hash, list, named, number, numbers, object, or_null, positive, text,
     truth, vector, words,
 };
-use super::design::{counted, head};
+use super::design::{counted, head, sweep_head};
 use coaxdesign::pipeline::STUDY_SCHEMA;
 use coaxdesign::simulate::montecarlo::COLUMNS;
 
@@ -324,10 +324,10 @@ fn study_head() -> Json {
 /// `FILE.study.json`, and `study.json` of a dataset.
 pub(super) fn study() -> Json {
     object(
-        "What a Monte Carlo study is.",
+        "What a Monte Carlo study or a sweep is.",
         &[
             ("study", hash("of the head: the name of the study")),
-            ("head", study_head()),
+            ("head", json!({ "anyOf": [study_head(), sweep_head()] })),
             ("units", named("unit of each column of the rows; 1 for none", text(""))),
         ],
         &[],
