@@ -56,7 +56,7 @@ fn a_sweep_makes_a_design_of_every_case_and_goes_on_where_it_stopped() {
     let checked = command(here, "check designs/case-0001 --units si --format json");
     assert_eq!(code(&checked), 0, "{}", err(&checked));
     let checked: Json = serde_json::from_str(out(&checked)).unwrap();
-    assert!((checked["mass"]["mass_kg"].as_f64().unwrap() - 470.0).abs() < 1e-6);
+    assert!((checked["aircraft"]["mass_kg"].as_f64().unwrap() - 470.0).abs() < 1e-6);
     let again = command(here, "verify designs/case-0001 --format json");
     let again: Json = serde_json::from_str(out(&again)).unwrap();
     assert_eq!(again["passed"], made[1]["status"] == "met");
@@ -134,8 +134,10 @@ fn mistakes_are_said_before_anything_is_tuned() {
     refused(&["--vary", "mass.mass=450 kg,9 ft"], "case 1");
     refused(&["--vary", "mass.mass"], "there is no =");
     refused(&["--vary", "spec.hardware.dely=20 ms"], "delay");
-    refused(&["--vary", "specification=none.toml"], "none.toml");
     refused(&["--vary", "mass.mass=450 kg", "--channels", "vz"], "vz");
+    let missing = program(here, &["sweep", "--quiet", "--vary", "specification=none.toml"]);
+    assert_eq!(code(&missing), 3);
+    assert!(err(&missing).contains("none.toml"), "{}", err(&missing));
     std::fs::write(here.join("both.toml"), "[vary]\na = [1]\n[[case]]\na = 1\n").unwrap();
     refused(&["--plan", "both.toml"], "both [vary] and [[case]]");
     std::fs::write(here.join("odd.toml"), "[[case]]\na = 1\n[[case]]\nb = 1\n").unwrap();

@@ -1,6 +1,6 @@
 """What a cluster engine costs, and that it loses nothing.
 
-    python python/tests/cluster_proof.py [--runs 2000] [--maneuver hold] [--only one,cluster,...]
+    python python/tests/cluster_proof.py [--runs 2000] [--aircraft coax2d] [--only cluster,...]
 
 Not part of pytest, because it takes its time. Flies one study in several ways and
 compares the rows of all:
@@ -18,7 +18,6 @@ part, once the workers are up; their difference is the overhead.
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import os
 import shutil
@@ -32,10 +31,21 @@ from typing import Any
 import numpy as np
 
 import coaxdesign as cx
-module = importlib.import_module("coaxdesign.montecarlo")
+from coaxdesign.montecarlo import Study
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = 'title = "A second of hover"\nduration = "1 s"\nmode = "velocity"\n'
+DOUBLET = """
+title = "Doublet"
+duration = "2 s"
+mode = "open_loop"
+[inputs.doublet]
+stick = "lat"
+shape = "doublet"
+start = "1 s"
+amplitude = "1 %"
+unit = "0.2 s"
+"""
 
 
 class Stop(Exception):
@@ -72,13 +82,20 @@ def same(name: str, rows: cx.MonteCarlo, expected: cx.MonteCarlo) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--aircraft", choices=["coax2d", "hummingbird"], default="hummingbird")
     parser.add_argument("--maneuver", default="hold")
     parser.add_argument("--only", default="cluster,disturbed,ray")
     options = parser.parse_args()
     ways = options.only.split(",")
-    problem = cx.Problem.load("coax2d")
-    schedule = cx.Schedule.load(ROOT / "designs" / "coax2d")
-    maneuver = HOLD if options.maneuver == "hold" else options.maneuver
+    schedule: cx.Schedule | None = None
+    if options.aircraft == "hummingbird":
+        # A multicopter that nothing flies: the cheapest runs there are.
+        problem = cx.Problem.load(ROOT / "problems" / "hummingbird.toml")
+        maneuver = DOUBLET
+    else:
+        problem = cx.Problem.load("coax2d")
+        schedule = cx.Schedule.load(ROOT / "designs" / "coax2d")
+        maneuver = HOLD if options.maneuver == "hold" else options.maneuver
     runs: int = options.runs
     home = Path(tempfile.mkdtemp(prefix="coaxdesign-proof-"))
     figures: dict[str, float] = {"runs": runs}
@@ -87,7 +104,7 @@ def main() -> None:
         return cx.montecarlo(problem, schedule, maneuver, runs=runs, seed=1, **more)
 
     def here() -> cx.MonteCarlo:
-        study = module.Study(
+        study = Study(
             problem,
             schedule,
             cx.Maneuver.load(maneuver),
@@ -103,7 +120,7 @@ def main() -> None:
             cx.Criterion(),
         )
         rows = study.fly(range(runs), threads=1)
-        return module.MonteCarlo(rows, study.head, len(rows))
+        return cx.MonteCarlo(rows, study.head, len(rows))
 
     begin = processor_time()
     expected = here()

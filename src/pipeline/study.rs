@@ -4,6 +4,8 @@
 //! and again after an interruption. So its head says all that changes a
 //! result, and two files belong together only where their heads are the same.
 
+use std::sync::OnceLock;
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
@@ -13,7 +15,7 @@ use crate::lti::stitch::{StitchError, Stitched};
 use crate::problem::{Loaded, Problem};
 use crate::schedule::{Schedule, hash};
 use crate::simulate::Options;
-use crate::simulate::montecarlo::{Criterion, Ranges, Run, Variation, draw};
+use crate::simulate::montecarlo::{Criterion, Parts, Ranges, Run, Variation};
 
 /// Schema of a study's head and rows.
 pub const STUDY_SCHEMA: &str = "coaxdesign.montecarlo/2";
@@ -113,6 +115,8 @@ pub struct Study {
     craft: Craft,
     schedule: Option<Schedule>,
     plan: FlightPlan,
+    /// Made with the first run.
+    parts: OnceLock<Parts>,
 }
 
 /// Hears of nothing but the wish to stop: a run is a step by itself.
@@ -201,7 +205,7 @@ impl Study {
             ranges,
             criterion,
         };
-        Ok(Self { head, craft, schedule: schedule.cloned(), plan })
+        Ok(Self { head, craft, schedule: schedule.cloned(), plan, parts: OnceLock::new() })
     }
 
     /// What the study is.
@@ -218,7 +222,8 @@ impl Study {
     /// A flight that cannot begin, or an observer that stops.
     pub fn run(&self, index: usize, observer: &dyn Observer) -> Result<Run, PipelineError> {
         let head = &self.head;
-        let (drawn, seed) = draw(index, head.runs, head.seed, &head.ranges);
+        let parts = self.parts.get_or_init(|| Parts::new(head.runs, head.seed));
+        let (drawn, seed) = parts.draw(index, &head.ranges);
         let variation = head.model.with(&drawn);
         let plan = FlightPlan {
             maneuver: self.plan.maneuver.clone(),

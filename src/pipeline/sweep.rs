@@ -487,24 +487,25 @@ impl Sweep {
 /// stands in the way is replaced: the checks of the format say what is wrong.
 fn put_all(table: &mut toml::Table, values: &[(&str, &Json)]) {
     for (key, value) in values {
-        let mut parts: Vec<&str> = key.split('.').collect();
-        let Some(last) = parts.pop() else { continue };
-        let mut place = &mut *table;
-        for part in parts {
-            let entry = place
-                .entry(part.to_string())
-                .or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            if !entry.is_table() {
-                *entry = toml::Value::Table(toml::Table::new());
-            }
-            let toml::Value::Table(next) = entry else { break };
-            place = next;
-        }
+        put(table, key, value);
+    }
+}
+
+fn put(table: &mut toml::Table, key: &str, value: &Json) {
+    let Some((first, rest)) = key.split_once('.') else {
         // Null alone has no form in TOML; it takes a value away.
         match toml::Value::try_from(value) {
-            Ok(value) => place.insert(last.to_string(), value),
-            Err(_) => place.remove(last),
+            Ok(value) => table.insert(key.to_string(), value),
+            Err(_) => table.remove(key),
         };
+        return;
+    };
+    let below = table.entry(first.to_string()).or_insert(toml::Value::Boolean(false));
+    if !below.is_table() {
+        *below = toml::Value::Table(toml::Table::new());
+    }
+    if let toml::Value::Table(below) = below {
+        put(below, rest, value);
     }
 }
 

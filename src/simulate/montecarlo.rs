@@ -196,41 +196,66 @@ impl Default for Ranges {
 /// Number of parameters drawn.
 const PARAMETERS: u64 = 9;
 
-/// The variation of run `index` of `runs`, and the seed of its noise and
-/// turbulence.
-#[must_use]
-pub fn draw(index: usize, runs: usize, seed: u64, ranges: &Ranges) -> (Variation, u64) {
-    let share = |parameter: u64| {
-        let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(2 + parameter);
-        // Fisher and Yates's shuffle: the part of the range that this run has.
-        let mut parts: Vec<usize> = (0..runs).collect();
-        for k in (1..runs).rev() {
-            let other = (generator.next_u64() % (k as u64 + 1)) as usize;
-            parts.swap(k, other);
-        }
-        // Anywhere within the part, drawn by a stream of the run's own.
-        let mut within = ChaCha8Rng::seed_from_u64(seed);
-        within.set_stream((1 + index as u64) * (2 + PARAMETERS) + parameter + 2);
-        let fraction = (within.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        (parts[index] as f64 + fraction) / runs as f64
-    };
-    let either = |parameter: u64, range: f64| (2.0 * share(parameter) - 1.0) * range;
-    let variation = Variation {
-        interactions: None,
-        mass: 1.0 + either(0, ranges.mass),
-        inertia: 1.0 + either(1, ranges.inertia),
-        center_of_gravity: either(2, ranges.center_of_gravity),
-        delay: share(3) * ranges.delay,
-        turbulence: (ranges.turbulence > 0.0).then(|| share(4) * ranges.turbulence),
-        inflow: 1.0 + either(5, ranges.inflow),
-        gust: [6, 7, 8].map(|parameter| either(parameter, ranges.gust)),
-        governor: None,
-    };
-    let mut own = ChaCha8Rng::seed_from_u64(seed);
-    own.set_stream(u64::MAX - index as u64);
-    // Within what a JSON number holds exactly.
-    (variation, own.next_u64() >> 11)
+/// Which part of each parameter's range every run of a study has: a permutation
+/// a parameter. It is the same for all runs, and takes as long to make as there
+/// are runs.
+#[derive(Debug, Clone)]
+pub struct Parts {
+    seed: u64,
+    /// By parameter, then by run.
+    parts: Vec<Vec<u32>>,
+}
+
+impl Parts {
+    /// The parts of a study of `runs` flights.
+    #[must_use]
+    pub fn new(runs: usize, seed: u64) -> Self {
+        let shuffled = |parameter: u64| {
+            let mut generator = ChaCha8Rng::seed_from_u64(seed);
+            generator.set_stream(2 + parameter);
+            // Fisher and Yates's shuffle.
+            let mut parts: Vec<u32> = (0..runs as u32).collect();
+            for k in (1..runs).rev() {
+                let other = (generator.next_u64() % (k as u64 + 1)) as usize;
+                parts.swap(k, other);
+            }
+            parts
+        };
+        Self { seed, parts: (0..PARAMETERS).map(shuffled).collect() }
+    }
+
+    /// The variation of run `index`, and the seed of its noise and turbulence.
+    ///
+    /// # Panics
+    /// Where the study has no such run.
+    #[must_use]
+    pub fn draw(&self, index: usize, ranges: &Ranges) -> (Variation, u64) {
+        let seed = self.seed;
+        let share = |parameter: u64| {
+            let parts = &self.parts[parameter as usize];
+            // Anywhere within the part, drawn by a stream of the run's own.
+            let mut within = ChaCha8Rng::seed_from_u64(seed);
+            within.set_stream((1 + index as u64) * (2 + PARAMETERS) + parameter + 2);
+            let fraction = (within.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+            (f64::from(parts[index]) + fraction) / parts.len() as f64
+        };
+        let either = |parameter: u64, range: f64| (2.0 * share(parameter) - 1.0) * range;
+        let variation = Variation {
+            interactions: None,
+            mass: 1.0 + either(0, ranges.mass),
+            inertia: 1.0 + either(1, ranges.inertia),
+            center_of_gravity: either(2, ranges.center_of_gravity),
+            delay: share(3) * ranges.delay,
+            turbulence: (ranges.turbulence > 0.0).then(|| share(4) * ranges.turbulence),
+            inflow: 1.0 + either(5, ranges.inflow),
+            gust: [6, 7, 8].map(|parameter| either(parameter, ranges.gust)),
+            governor: None,
+        };
+        let mut own = ChaCha8Rng::seed_from_u64(seed);
+        own.set_stream(u64::MAX - index as u64);
+        // Within what a JSON number holds exactly.
+        (variation, own.next_u64() >> 11)
+    }
 }
 
 /// What a run amounts to. As JSON it is a flat row, SI and radians, with the
@@ -482,7 +507,8 @@ mod tests {
     #[test]
     fn latin_hypercube_uses_every_part_once() {
         let (runs, ranges) = (40, Ranges::default());
-        let draws: Vec<Variation> = (0..runs).map(|k| draw(k, runs, 5, &ranges).0).collect();
+        let parts = Parts::new(runs, 5);
+        let draws: Vec<Variation> = (0..runs).map(|k| parts.draw(k, &ranges).0).collect();
         let part = |value: f64, low: f64, high: f64| {
             ((value - low) / (high - low) * runs as f64).floor() as usize
         };
@@ -498,17 +524,17 @@ mod tests {
         // Parameters are not tied to one another.
         let mean = draws.iter().map(|v| (v.mass - 1.0) * (v.inertia - 1.0)).sum::<f64>();
         assert!((mean / runs as f64).abs() < 0.25 * 0.1 * 0.1);
-        assert_eq!(draw(7, runs, 5, &ranges), draw(7, runs, 5, &ranges));
-        assert_ne!(draw(7, runs, 6, &ranges).0, draws[7]);
+        assert_eq!(parts.draw(7, &ranges), Parts::new(runs, 5).draw(7, &ranges));
+        assert_ne!(Parts::new(runs, 6).draw(7, &ranges).0, draws[7]);
         let seeds: std::collections::BTreeSet<u64> =
-            (0..runs).map(|k| draw(k, runs, 5, &ranges).1).collect();
+            (0..runs).map(|k| parts.draw(k, &ranges).1).collect();
         assert_eq!(seeds.len(), runs);
     }
 
     /// A row has the listed columns, in order, and reads back as the same run.
     #[test]
     fn rows_are_flat_and_read_back() {
-        let (variation, seed) = draw(3, 9, 1, &Ranges::default());
+        let (variation, seed) = Parts::new(9, 1).draw(3, &Ranges::default());
         let mut run = Run::without_trim(3, seed, variation);
         run.velocity_peak_m_s = [0.1, 0.2, 0.3];
         run.state = Some("theta".into());

@@ -99,7 +99,7 @@ fn check_file(path: &Path) {
     let name = path.display().to_string();
     if name.ends_with(".jsonl") {
         for line in text.lines() {
-            if let Ok(value) = serde_json::from_str(line) {
+            if let Ok(value) = serde_json::from_str::<Json>(line) {
                 let row = if value.get("case").is_some() { "case" } else { "run" };
                 check_against(&name, row, &value);
             }
