@@ -609,7 +609,7 @@ mod tests {
         let mut expected = problem::builtin().unwrap().problem;
         assert_ne!(expected.mass.mass, 300.0);
         expected.mass.mass = 300.0;
-        assert_eq!(aircraft.problem, expected);
+        assert_eq!(format!("{:?}", aircraft.problem), format!("{expected:?}"));
         assert!((requirements.specification.hardware.delay - 0.02).abs() < 1e-12);
         let mut base = small().specification;
         base.hardware.delay = requirements.specification.hardware.delay;
