@@ -26,6 +26,7 @@ pub fn own_set() -> ModelSet {
         TrimValues {
             states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
             inputs: t.sticks.to_vec(),
+            limits: Vec::new(),
         }
     });
     let models = set.models.iter().map(|m| {
