@@ -106,6 +106,7 @@ fn conditions_are_met() {
         FlightCondition { lateral: Lateral::Bank(-0.01), ..level(50.0) },
         FlightCondition { climb_rate: 2.0, ..level(50.0) },
         FlightCondition { turn_rate: -0.1, climb_rate: -1.5, ..level(50.0) },
+        FlightCondition { lateral: Lateral::WindAzimuth(-0.08), ..level(50.0) },
     ] {
         let point = trimmed(&vehicle, condition, &Options::default());
         let mean = &point.mean_state;
@@ -119,6 +120,10 @@ fn conditions_are_met() {
                 // Banked to port without turning, it slips to port.
                 assert!(point.sideslip < -0.02, "{}", point.sideslip);
             }
+            Lateral::WindAzimuth(angle) => {
+                let [_, forward, right, _] = vehicle.navigation(mean);
+                assert!((right.atan2(forward) - angle).abs() < 1e-4, "{right} {forward}");
+            }
         }
         // The orbit's vibration is small: the mean velocity has the airspeed.
         let length = (0..3).map(|k| mean[body.velocity + k].powi(2)).sum::<f64>().sqrt();
@@ -126,6 +131,62 @@ fn conditions_are_met() {
         let climb = |state: &[f64]| -vehicle.navigation(state)[3];
         assert!((climb(mean) - condition.climb_rate).abs() < 0.02);
         assert!((vehicle.navigation(mean)[0] - condition.turn_rate).abs() < 1e-3);
+    }
+}
+
+/// Flight in any direction: both velocities are met, the wind from ahead is level
+/// flight, and a hexacopter, whose thrust knows no direction but up, leans by
+/// one angle whatever the direction.
+#[test]
+fn the_wind_may_come_from_anywhere() {
+    let single_rotor = vehicle(&coarsened(problem("uh60a")));
+    let hexacopter = vehicle(&problem("firefly"));
+    let speed = 17.0 * KNOT;
+    let mut leans = Vec::new();
+    for degrees in [0, 60, 90, 150, 180, 210, 270, 330] {
+        let azimuth = f64::from(degrees).to_radians();
+        let condition = FlightCondition::from_azimuth(speed, azimuth);
+        let point = trimmed(&single_rotor, condition, &Options::default());
+        let (mut forward, mut right) = (0.0, 0.0);
+        for state in &point.orbit {
+            let [_, f, r, _] = single_rotor.navigation(state);
+            forward += f / point.orbit.len() as f64;
+            right += r / point.orbit.len() as f64;
+        }
+        let off = (forward - speed * azimuth.cos()).hypot(right - speed * azimuth.sin());
+        assert!(off < 1e-7, "{degrees} deg: {forward} and {right} m/s");
+        let lean = trimmed(&hexacopter, condition, &tight());
+        if degrees == 0 {
+            // Without bank, no sideslip and the wind from ahead are one flight.
+            let straight = trimmed(&hexacopter, level(17.0), &tight());
+            let numbers = [&straight, &lean].map(|p| numbers(&hexacopter, p));
+            assert_same("wind from ahead", &numbers[0], &numbers[1], 1e-9);
+        }
+        let [roll, pitch] = [Layout::BODY.roll, Layout::BODY.roll + 1].map(|k| lean.mean_state[k]);
+        leans.push((roll.cos() * pitch.cos()).acos());
+    }
+    assert!(leans[0] > 0.1);
+    for lean in &leans {
+        assert!((lean - leans[0]).abs() < 1e-7, "{leans:?}");
+    }
+}
+
+/// The mirrored vehicle trims to the mirror image in flight to the side and to
+/// the rear.
+#[test]
+fn sideward_flight_mirrors() {
+    let base = coarsened(problem("octo-x8"));
+    let (original, mirror) = (vehicle(&base), vehicle(&mirrored(&base)));
+    for azimuth in [1.2, 2.5] {
+        let flight = |sign: f64| FlightCondition::from_azimuth(10.0 * KNOT, sign * azimuth);
+        let a = trimmed(&original, flight(1.0), &tight());
+        let mut b = trimmed(&mirror, flight(-1.0), &tight());
+        for (value, sign) in b.mean_state.iter_mut().zip(mirror_signs(&original)) {
+            *value *= sign;
+        }
+        b.sticks = mirror_sticks(b.sticks);
+        let what = format!("wind from {azimuth} rad");
+        assert_same(&what, &numbers(&original, &a), &numbers(&original, &b), 1e-9);
     }
 }
 

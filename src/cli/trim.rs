@@ -98,6 +98,15 @@ pub struct FlightArgs {
     /// Bank to hold instead of sideslip, such as "0 deg"
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub bank: Option<String>,
+    /// Direction of flight relative to the nose, and so of the wind: "90 deg" is sideward to the
+    /// right, "180 deg" rearward
+    #[arg(
+        long,
+        value_name = "ANGLE",
+        conflicts_with_all = ["sideslip", "bank"],
+        allow_hyphen_values = true
+    )]
+    pub wind_azimuth: Option<String>,
     /// Pressure altitude in place of the file's, such as "2000 ft"
     #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
     pub altitude: Option<String>,
@@ -211,10 +220,20 @@ impl FlightArgs {
         let lateral = match (
             optional("sideslip", &self.sideslip, Kind::Angle)?,
             optional("bank", &self.bank, Kind::Angle)?,
+            optional("wind-azimuth", &self.wind_azimuth, Kind::Angle)?,
         ) {
-            (_, Some(bank)) => Lateral::Bank(bank),
-            (sideslip, None) => Lateral::Sideslip(sideslip.unwrap_or(0.0)),
+            (_, _, Some(azimuth)) => Lateral::WindAzimuth(azimuth),
+            (_, Some(bank), None) => Lateral::Bank(bank),
+            (sideslip, None, None) => Lateral::Sideslip(sideslip.unwrap_or(0.0)),
         };
+        if let Lateral::WindAzimuth(azimuth) = lateral
+            && azimuth.abs() > std::f64::consts::TAU + 1e-9
+        {
+            return Err(CliError::Usage {
+                message: format!("--wind-azimuth: {:.0} deg is no direction", azimuth.to_degrees()),
+                help: "give an angle between -360 and 360 deg, positive from starboard".into(),
+            });
+        }
         for (flag, angle) in [
             ("sideslip", if let Lateral::Sideslip(a) = lateral { a } else { 0.0 }),
             ("bank", if let Lateral::Bank(a) = lateral { a } else { 0.0 }),
@@ -717,6 +736,9 @@ fn json_point(problem: &Problem, point: &TrimPoint, system: System) -> Json {
     object.insert("residual_norm".into(), json!(point.residual_norm));
     object.insert("climb_rate_m_s".into(), clean(point.condition.climb_rate));
     object.insert("turn_rate_rad_s".into(), clean(point.condition.turn_rate));
+    if let Lateral::WindAzimuth(azimuth) = point.condition.lateral {
+        object.insert(format!("wind_azimuth_{angle_unit}"), angle(azimuth));
+    }
     object.insert(
         format!("attitude_{angle_unit}"),
         json!({"roll": angle(roll), "pitch": angle(pitch)}),
@@ -993,6 +1015,9 @@ fn place(condition: &FlightCondition, system: Option<System>) -> String {
             ", {} {rate}",
             if condition.climb_rate > 0.0 { "climbing" } else { "sinking" }
         );
+    }
+    if let Lateral::WindAzimuth(azimuth) = condition.lateral {
+        text += &format!(", wind from {:.1} deg", azimuth.to_degrees());
     }
     if condition.turn_rate != 0.0 {
         text += &format!(", turning {:.1} deg/s", condition.turn_rate.to_degrees());

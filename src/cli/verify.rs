@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, RunArgs, UnitsArgs};
 use super::designs::{SourceArgs, Subject, load_schedule};
-use super::tune::{authority_text, left_out_text, report_text, rows_table};
+use super::tune::{authority_text, left_out_text, misses_text, report_text, rows_table};
 use super::watch::Watch;
 use super::{CliError, Outcome};
 use coaxdesign::pipeline::{verification_document, verify, verify_models};
@@ -72,6 +72,7 @@ impl Verify {
                 format!("{head}\n")
                     + &report_text(&verified.verification, system, Coloring::for_stdout())
                     + &authority_text(&verified.authority, system)
+                    + &misses_text(&verified.verification, system)
                     + &left_out_text(&verified.left_out, system)
             }
         };

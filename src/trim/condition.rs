@@ -9,6 +9,10 @@ pub enum Lateral {
     Sideslip(f64),
     /// Mean bank angle, rad; the sideslip follows.
     Bank(f64),
+    /// Direction of the horizontal flight path relative to the nose, rad,
+    /// positive to starboard: 0 is forward flight, π/2 sideward to starboard, π
+    /// rearward. The relative wind comes from there. The bank angle follows.
+    WindAzimuth(f64),
 }
 
 /// A steady flight condition in still air.
@@ -41,6 +45,13 @@ impl FlightCondition {
         Self { airspeed, climb_rate, ..Self::level(horizontal_speed) }
     }
 
+    /// Level flight at a true airspeed, m/s, in a direction relative to the
+    /// nose, rad; see [`Lateral::WindAzimuth`].
+    #[must_use]
+    pub fn from_azimuth(airspeed: f64, azimuth: f64) -> Self {
+        Self { lateral: Lateral::WindAzimuth(azimuth), ..Self::level(airspeed) }
+    }
+
     /// The condition in words, speeds in m/s, angles in degrees.
     #[must_use]
     pub fn in_words(&self) -> String {
@@ -56,6 +67,9 @@ impl FlightCondition {
                 text += &format!(" at {:.1} deg of sideslip", angle.to_degrees());
             }
             Lateral::Bank(angle) => text += &format!(" at {:.1} deg of bank", angle.to_degrees()),
+            Lateral::WindAzimuth(angle) => {
+                text += &format!(" with the wind from {:.1} deg", angle.to_degrees());
+            }
             Lateral::Sideslip(_) => {}
         }
         text

@@ -3,8 +3,9 @@
 //! A condition can have several periodic orbits, or none. The trim is the one
 //! that continues level flight: from hover to level flight at the horizontal
 //! speed, from there to the rate of climb, then to the rate of turn, and last
-//! to the sideslip or bank. Each leg is a straight line in the condition, and
-//! the way along it is a function of its ends alone. So the trim of a condition
+//! to the sideslip or bank. Flight in another direction than the nose's goes
+//! from hover straight to its speed. Each leg is a straight line in the
+//! condition, and the way along it is a function of its ends alone. So the trim of a condition
 //! does not depend on what else was asked for, in which order, or by how many
 //! threads.
 //!
@@ -168,6 +169,10 @@ impl<'a> LevelFlight<'a> {
     /// Index of the node that a condition starts from: the nearest one on the
     /// side of the root.
     fn place(&self, condition: &FlightCondition) -> usize {
+        if let Lateral::WindAzimuth(_) = condition.lateral {
+            // From hover, or from as near to it as level flight trims.
+            return self.root;
+        }
         let place = condition.horizontal_speed() / self.spacing;
         if place < self.root as f64 { place.ceil() as usize } else { place.floor() as usize }
     }
@@ -274,6 +279,13 @@ impl<'a> LevelFlight<'a> {
             lateral: node.condition.lateral,
             ..FlightCondition::climbing(speed, climb_rate)
         };
+        if let Lateral::WindAzimuth(azimuth) = condition.lateral {
+            if node.condition.horizontal_speed() > 0.0 && azimuth != 0.0 {
+                return Err(Break::End(node.condition));
+            }
+            // The same hover, told by the direction that it is left in.
+            node.condition.lateral = condition.lateral;
+        }
         node = self.walk(&node, here(&node, 0.0, 0.0))?;
         node = self.walk(&node, here(&node, condition.climb_rate, 0.0))?;
         node = self.walk(&node, here(&node, condition.climb_rate, condition.turn_rate))?;
@@ -313,7 +325,7 @@ impl<'a> LevelFlight<'a> {
     /// Longest step along a leg, as a part of it.
     fn longest(&self, from: FlightCondition, goal: FlightCondition) -> f64 {
         let angle = |lateral: Lateral| match lateral {
-            Lateral::Sideslip(angle) | Lateral::Bank(angle) => angle,
+            Lateral::Sideslip(angle) | Lateral::Bank(angle) | Lateral::WindAzimuth(angle) => angle,
         };
         let lengths = [
             (goal.horizontal_speed() - from.horizontal_speed()) / self.spacing,

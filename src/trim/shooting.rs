@@ -166,6 +166,7 @@ impl<'a> Shooting<'a> {
         match self.condition.lateral {
             Lateral::Sideslip(_) => flight("sideslip velocity", Kind::Velocity, 1.0),
             Lateral::Bank(_) => flight("bank angle", Kind::AngleRad, 0.1),
+            Lateral::WindAzimuth(_) => flight("sideward speed", Kind::Velocity, 1.0),
         }
         flight("rate of climb", Kind::Velocity, 1.0);
         equations
@@ -300,11 +301,18 @@ impl<'a> Shooting<'a> {
         let c = &self.condition;
         put(n, (turn - c.turn_rate) * 10.0);
         let body = Layout::BODY;
+        put(n + 3, down + c.climb_rate);
+        let level = c.horizontal_speed();
         let sideslip = match c.lateral {
             Lateral::Sideslip(angle) => angle,
             Lateral::Bank(_) => 0.0,
+            Lateral::WindAzimuth(azimuth) => {
+                // Both components, so that no direction is singular.
+                put(n + 1, forward - level * azimuth.cos());
+                put(n + 2, right - level * azimuth.sin());
+                return;
+            }
         };
-        let level = c.horizontal_speed();
         let (s, co) = sideslip.sin_cos();
         let speed = if level > HOVER_SPEED {
             // The track differs from the heading by about the sideslip, and a
@@ -324,8 +332,8 @@ impl<'a> Shooting<'a> {
                 put(n + 2, period.mean[body.velocity + 1] - across);
             }
             Lateral::Bank(angle) => put(n + 2, (period.mean[body.roll] - angle) * 10.0),
+            Lateral::WindAzimuth(_) => {}
         }
-        put(n + 3, down + c.climb_rate);
     }
 }
 
