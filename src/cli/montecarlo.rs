@@ -8,11 +8,12 @@ use serde_json::json;
 use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
 use super::designs::Craft;
 use super::fly::{FlyArgs, Ready};
+use super::quantity::quantity;
 use super::rows::{Job, Row, RowArgs, to_csv};
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
 use coaxdesign::simulate::montecarlo::{COLUMNS, Criterion, Ranges, Run, wilson};
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::units::Kind;
 
 /// Fly a manoeuvre many times with the aircraft and the air varied
 ///
@@ -96,12 +97,6 @@ impl MonteCarlo {
     }
 
     fn study(&self, ready: &Ready) -> Result<Study, CliError> {
-        let quantity = |flag: &str, text: &str, kind| {
-            parse_quantity(text, kind).map_err(|error| CliError::Usage {
-                message: format!("--{flag} {text:?}: {error}"),
-                help: error.help(),
-            })
-        };
         let fraction = |flag: &str, value: f64| {
             if (0.0..=0.8).contains(&value) {
                 Ok(value)
@@ -125,12 +120,11 @@ impl MonteCarlo {
                 "cg",
                 self.cg.as_deref().unwrap_or(usual_cg),
                 Kind::Length,
-            )?
-            .abs(),
-            delay: quantity("delay", &self.delay, Kind::Time)?.max(0.0),
-            turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?.max(0.0),
+            )?,
+            delay: quantity("delay", &self.delay, Kind::Time)?,
+            turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?,
             inflow: fraction("inflow", self.inflow.unwrap_or(usual_inflow))?,
-            gust: quantity("gust", &self.gust, Kind::Velocity)?.abs(),
+            gust: quantity("gust", &self.gust, Kind::Velocity)?,
         };
         let criterion = Criterion {
             velocity_peak: quantity("peak", &self.peak, Kind::Airspeed)?,

@@ -239,7 +239,10 @@ pub(super) fn note() -> Json {
             ("problem", part()),
             ("files", texts("all files of the problem, the problem file first")),
         ],
-        &[("copied_from", text("folder, where files name one another by absolute paths"))],
+        &[
+            ("form", words("what it is", &["problem", "models"])),
+            ("copied_from", text("folder, where files name one another by absolute paths")),
+        ],
     );
     let stage = object(
         "A stage that has run.",

@@ -228,11 +228,13 @@ pub(super) fn identification() -> Json {
         ("numbers", list("an axis and a quantity", pair)),
         ("responses", list("of each axis", axis)),
     ];
+    // A set of linear models has no problem.
+    let [design, aircraft, problem, specification] = head();
     document(
         "coaxdesign.identification/1",
         "Loops measured in simulated flight beside those of the linear model.",
-        &[&head()[..], &rest[..]].concat(),
-        &[],
+        &[&[design, aircraft, specification], &rest[..]].concat(),
+        &[problem],
     )
 }
 
@@ -253,11 +255,12 @@ pub(super) fn steps() -> Json {
     );
     let rest =
         [("speed_m_s", positive("true airspeed, m/s")), ("steps", list("of each channel", step))];
+    let [design, aircraft, problem, specification] = head();
     document(
         "coaxdesign.steps/1",
         "Small steps of the nonlinear vehicle and of the linear model.",
-        &[&head()[..], &rest[..]].concat(),
-        &[],
+        &[&[design, aircraft, specification], &rest[..]].concat(),
+        &[problem],
     )
 }
 

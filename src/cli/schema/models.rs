@@ -61,7 +61,12 @@ pub(super) fn lti() -> Json {
         "coaxdesign.lti/1",
         "A linear model x' = A x + B u, y = C x + D u of deviations from a trim.",
         &[&head[..], &channels()[..], &matrices()[..]].concat(),
-        &[("x0", numbers("states of the trim")), ("u0", numbers("inputs of the trim"))],
+        &[
+            ("x0", numbers("states of the trim")),
+            ("u0", numbers("inputs of the trim")),
+            ("u_min", numbers("least values of the inputs")),
+            ("u_max", numbers("greatest values of the inputs")),
+        ],
     ))
 }
 
