@@ -75,6 +75,30 @@ fn a_design_moves_with_all_that_made_it() {
     assert!(err(&changed).contains("has changed since the design was made"), "{}", err(&changed));
 }
 
+/// A schedule whose aircraft and specification are gone is not replaced by one for
+/// the built-in ones that nobody named.
+#[test]
+fn a_schedule_without_its_inputs_is_not_replaced_by_another_aircrafts() {
+    let home = tempfile::tempdir().unwrap();
+    let here = home.path();
+    let design = made(here);
+    let kept = text(design.join("schedule.json"));
+    std::fs::remove_file(design.join("design.json")).unwrap();
+    let tune = |more: &str| command(here, &format!("tune-gains {more} -o made --force --quiet"));
+    for (more, said) in [
+        ("", "was made for 'starter'"),
+        ("--spec spec.toml", "name its problem file"),
+        ("mine.toml", "tuned to a specification"),
+    ] {
+        let refused = tune(more);
+        assert_eq!(code(&refused), 2, "{more}");
+        assert!(err(&refused).contains(said), "{more}: {}", err(&refused));
+        assert_eq!(text(design.join("schedule.json")), kept);
+    }
+    assert!(code(&tune("mine.toml --spec spec.toml")) <= 1);
+    assert_eq!(text(design.join("schedule.json")), kept);
+}
+
 #[test]
 fn another_aircraft_or_specification_is_refused_unless_asked_for() {
     let home = tempfile::tempdir().unwrap();

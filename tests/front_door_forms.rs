@@ -61,6 +61,44 @@ fn plots_are_written_as_png() {
     assert!(bytes.len() > 20_000, "{} bytes: an empty picture?", bytes.len());
 }
 
+/// Every quantity of an argument has bounds, which are said; nothing is computed
+/// with one beyond them.
+#[test]
+fn absurd_quantities_are_refused_with_their_bounds() {
+    let home = tempfile::tempdir().unwrap();
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("designs/coax2d");
+    let kept = kept.to_str().unwrap();
+    let flight = ["simulate", kept, "-m", "hover-turn", "--quiet", "--model"];
+    let study = ["montecarlo", kept, "-m", "hover-turn", "--runs", "2", "--quiet"];
+    for (command, more) in [
+        (&["trim", "--quiet"][..], "--climb=1e9 ft/min"),
+        (&["trim", "--quiet"], "--climb=-1e300 m/s"),
+        (&["trim", "--quiet"], "--turn-rate=1e9 deg/s"),
+        (&["trim", "--quiet"], "--power=1e300 hp"),
+        (&["trim", "--quiet"], "--sideslip=89.999 deg"),
+        (&["trim", "--quiet"], "--wind-azimuth=400 deg"),
+        (&["trim", "--quiet"], "--altitude=1e9 ft"),
+        (&["bode", "--quiet", "--speeds", "0kt"], "--omega=1:1e300 rad/s"),
+        (&["rotor", "--quiet"], "--ct=1e9"),
+        (&["rotor", "--quiet", "--ct", "0.005"], "--edgewise=1e9 kt"),
+        (&flight, "cg=1e9 ft"),
+        (&flight, "turbulence=1e300 kt"),
+        (&flight, "gust-up=1e9 kt"),
+        (&flight, "governor=-1 s"),
+        (&study, "--cg=1e9 ft"),
+        (&study, "--delay=-1 s"),
+        (&study, "--gust=1e300 kt"),
+        (&study, "--saturated=1e300 s"),
+    ] {
+        let mut arguments = command.to_vec();
+        arguments.push(more);
+        let refused = run(home.path(), &arguments);
+        assert_eq!(code(&refused), 2, "{more}: {}", err(&refused));
+        assert!(err(&refused).contains("write a value from"), "{more}: {}", err(&refused));
+        assert!(err(&refused).len() < 600 && refused.stdout.is_empty(), "{more}");
+    }
+}
+
 /// Every subcommand on models takes one speed, a list or a range in the same
 /// way, and a list holds what its speeds give alone.
 #[test]

@@ -8,6 +8,7 @@ use serde_json::{Value as Json, json};
 
 use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::models::{Choice, Flown, Inputs, PointArgs, Reduced, choice_among, fly, on_axis};
+use super::quantity::beyond;
 use super::trim::{Interactions, on_off};
 use super::{CliError, Outcome, output};
 use coaxdesign::linear::frequency::{ChannelComparison, compare, log_grid};
@@ -89,7 +90,10 @@ fn range(text: &str) -> Result<(f64, f64), String> {
         .split_once(':')
         .and_then(|(from, to)| Some((from.trim().parse().ok()?, to.trim().parse().ok()?)));
     match bounds {
-        Some((from, to)) if from > 0.0 && to > from && f64::is_finite(to) => Ok((from, to)),
+        Some((from, to)) if from > 0.0 && to > from && f64::is_finite(to) => {
+            let beyond = |w| beyond("omega", w, Kind::AngularRate);
+            beyond(from).or_else(|| beyond(to)).map_or(Ok((from, to)), Err)
+        }
         _ => Err("write two increasing, positive frequencies in rad/s, such as 0.1:30".into()),
     }
 }

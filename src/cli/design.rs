@@ -18,7 +18,7 @@ use super::linearize::joined;
 use super::report::{FLIGHTS, Inputs, page};
 use super::simulate::recorded;
 use super::trim::{failures, json_text, parse_speeds, trim_all};
-use super::tune::{SpecArgs, design_files};
+use super::tune::{SpecArgs, design_files, explanations_text, left_out_text, misses_text};
 use super::watch::Watch;
 use super::{CliError, Outcome, output, version};
 use coaxdesign::linear::io::set_to_json;
@@ -471,6 +471,14 @@ impl Design {
                 let tuned = tune(&chosen.loaded, &chosen.requirements, &options, &watch)?;
                 output::write_set(directory, &design_files(&tuned)?, true)?;
                 let met = tuned.verified.met();
+                if !met {
+                    let system = plan.units;
+                    output::note(
+                        &(explanations_text(&tuned.explanations, system)
+                            + &misses_text(&tuned.verified.verification, system)
+                            + &left_out_text(&tuned.verified.left_out, system)),
+                    );
+                }
                 Ok(if met { Outcome::Done } else { Outcome::GoalMissed })
             }
             Work::Flight => {

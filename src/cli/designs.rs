@@ -232,6 +232,10 @@ impl Opened {
     ) -> Result<Requirements, CliError> {
         let wanted = &schedule.provenance.specification_hash;
         let builtin = Requirements::builtin()?;
+        let tuned_to = kept.as_ref().map_or_else(
+            || "another specification".into(),
+            |kept| format!("the specification {}", kept.name),
+        );
         let requirements = match (&sources.spec, kept) {
             (Some(path), _) => SpecArgs::of(Some(path.clone())).load()?,
             (None, Some(kept)) => kept,
@@ -251,7 +255,7 @@ impl Opened {
         if known(wanted) && found != *wanted && !sources.other_spec {
             return Err(usage(
                 format!(
-                    "{} was tuned to another specification (hash {wanted}) than {} (hash {found})",
+                    "{} was tuned to {tuned_to} (hash {wanted}), but {} is another (hash {found})",
                     design.display(),
                     requirements.name
                 ),
@@ -306,6 +310,45 @@ impl Opened {
     }
 }
 
+/// The schedule in a directory, if there is one that can be read.
+fn left_schedule(directory: &Path) -> Option<Schedule> {
+    let text = std::fs::read_to_string(directory.join("schedule.json")).ok()?;
+    Schedule::from_json(&text).ok()
+}
+
+/// The built-in aircraft that a schedule was made for, which a design without its
+/// inputs may be tuned for again; another must be named.
+fn made_for(schedule: &Schedule) -> Result<Loaded, CliError> {
+    let wanted = &schedule.provenance.problem_hash;
+    let found = builtin_with(wanted)?.map(|found| found.0);
+    found.ok_or_else(|| {
+        usage(
+            format!(
+                "the schedule in this directory was made for '{}' (hash {wanted}), which is not \
+                 here, and no built-in problem is it",
+                schedule.name
+            ),
+            "name its problem file, or choose another directory with -o",
+        )
+    })
+}
+
+/// Refuses to replace a schedule by one for the built-in specification where it
+/// was tuned to another, that is not there.
+fn tuned_to(schedule: &Schedule, chosen: &Requirements) -> Result<(), CliError> {
+    let wanted = &schedule.provenance.specification_hash;
+    if !known(wanted) || chosen.hash() == *wanted {
+        return Ok(());
+    }
+    Err(usage(
+        format!(
+            "the schedule in this directory was tuned to a specification (hash {wanted}) that is \
+             not here"
+        ),
+        "name one with --spec SPEC, or choose another directory with -o",
+    ))
+}
+
 /// What a new design is made from.
 #[derive(Debug)]
 pub struct Chosen {
@@ -345,9 +388,15 @@ impl Chosen {
             }
             None => (None, None),
         };
-        let loaded = match aircraft.filter(|_| kept[0]) {
-            Some(aircraft) => aircraft,
-            None => problem.load()?,
+        // What a schedule was made for that is there without its inputs.
+        let left = match directory {
+            Some(directory) if aircraft.is_none() => left_schedule(directory),
+            _ => None,
+        };
+        let loaded = match (aircraft.filter(|_| kept[0]), &left) {
+            (Some(aircraft), _) => aircraft,
+            (None, Some(schedule)) if !asked[0] => made_for(schedule)?,
+            (None, _) => problem.load()?,
         };
         if !quiet {
             super::args::show_warnings(&loaded);
@@ -356,6 +405,9 @@ impl Chosen {
             Some(requirements) => spec.reduced(requirements),
             None => spec.load()?,
         };
+        if let (Some(schedule), false) = (&left, asked[1]) {
+            tuned_to(schedule, &requirements)?;
+        }
         Ok(Self { loaded, requirements, before, kept })
     }
 

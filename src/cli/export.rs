@@ -6,11 +6,12 @@ use std::process::Command;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
+use super::quantity::quantity;
 use super::tune::usage;
 use super::{CliError, Outcome, output};
 use coaxdesign::export::{self, ExportError, Format, Options, Platform, Precision};
 use coaxdesign::schedule::{self, Schedule};
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::units::Kind;
 
 /// Interval at which an exported law is stepped, unless another is named.
 const STEP: &str = "0.01 s";
@@ -277,13 +278,6 @@ fn list() -> String {
             cells.join("  ").trim_end().to_string() + "\n"
         })
         .collect()
-}
-
-fn quantity(flag: &str, text: &str, kind: Kind) -> Result<f64, CliError> {
-    parse_quantity(text, kind).map_err(|error| CliError::Usage {
-        message: format!("--{flag} {text:?}: {error}"),
-        help: error.help(),
-    })
 }
 
 fn export_error(error: &ExportError) -> CliError {

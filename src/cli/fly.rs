@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::args::{ModelsArgs, ProblemArgs, UnitsArgs};
 use super::designs::{Craft, Opened, SourceArgs, check_models, load_schedule};
+use super::quantity::beyond;
 use super::tune::SpecArgs;
 use super::watch::Watch;
 use super::{CliError, output};
@@ -79,8 +80,14 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
             Ok(factor) if factor > 0.1 && factor < 10.0 => Ok(factor),
             _ => Err(usage(format!("{value:?} is no factor between 0.1 and 10"))),
         };
-        let quantity =
-            |kind| parse_quantity(value.trim(), kind).map_err(|error| usage(error.to_string()));
+        let quantity = |kind| {
+            let quantity =
+                parse_quantity(value.trim(), kind).map_err(|error| usage(error.to_string()))?;
+            match beyond(&format!("model {}", key.trim()), quantity, kind) {
+                None => Ok(quantity),
+                Some(bounds) => Err(usage(bounds)),
+            }
+        };
         match key.trim() {
             "interactions" => {
                 variation.interactions = Some(match value.trim() {
@@ -101,18 +108,6 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
             "governor" => variation.governor = Some(quantity(Kind::Time)?),
             other => return Err(usage(format!("there is no {other:?} to vary"))),
         }
-    }
-    if variation.governor.is_some_and(|time| time <= 0.0) {
-        return Err(CliError::Usage {
-            message: "--model: the time constant of a governor must be positive".into(),
-            help: "write --model \"governor=1 s\"".into(),
-        });
-    }
-    if variation.delay < 0.0 || variation.turbulence.is_some_and(|wind| wind < 0.0) {
-        return Err(CliError::Usage {
-            message: "--model: an extra delay and a wind cannot be negative".into(),
-            help: "give zero or more".into(),
-        });
     }
     Ok(variation)
 }

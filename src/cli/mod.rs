@@ -27,6 +27,7 @@ pub mod output;
 mod parquet;
 #[cfg(feature = "png")]
 mod png;
+mod quantity;
 mod report;
 mod rotor;
 mod schema;

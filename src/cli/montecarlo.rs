@@ -14,11 +14,12 @@ use serde_json::{Value as Json, json};
 use super::args::{Format, FormatArgs, RunArgs, UnitsArgs};
 use super::designs::Craft;
 use super::fly::{FlyArgs, Ready};
+use super::quantity::quantity;
 use super::{CliError, Outcome, output};
 use coaxdesign::pipeline::{FlightPlan, STUDY_SCHEMA, Silent, Study, StudyHead};
 use coaxdesign::report::progress::Progress;
 use coaxdesign::simulate::montecarlo::{COLUMNS, Criterion, Ranges, Run, wilson};
-use coaxdesign::units::{Kind, parse_quantity};
+use coaxdesign::units::Kind;
 
 /// Fly a manoeuvre many times with the aircraft and the air varied
 ///
@@ -169,12 +170,6 @@ impl MonteCarlo {
     }
 
     fn study(&self, ready: &Ready) -> Result<Study, CliError> {
-        let quantity = |flag: &str, text: &str, kind| {
-            parse_quantity(text, kind).map_err(|error| CliError::Usage {
-                message: format!("--{flag} {text:?}: {error}"),
-                help: error.help(),
-            })
-        };
         let fraction = |flag: &str, value: f64| {
             if (0.0..=0.8).contains(&value) {
                 Ok(value)
@@ -198,12 +193,11 @@ impl MonteCarlo {
                 "cg",
                 self.cg.as_deref().unwrap_or(usual_cg),
                 Kind::Length,
-            )?
-            .abs(),
-            delay: quantity("delay", &self.delay, Kind::Time)?.max(0.0),
-            turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?.max(0.0),
+            )?,
+            delay: quantity("delay", &self.delay, Kind::Time)?,
+            turbulence: quantity("turbulence", &self.turbulence, Kind::Airspeed)?,
             inflow: fraction("inflow", self.inflow.unwrap_or(usual_inflow))?,
-            gust: quantity("gust", &self.gust, Kind::Velocity)?.abs(),
+            gust: quantity("gust", &self.gust, Kind::Velocity)?,
         };
         let criterion = Criterion {
             velocity_peak: quantity("peak", &self.peak, Kind::Airspeed)?,

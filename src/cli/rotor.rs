@@ -5,6 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
+use super::quantity::beyond;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::Problem;
 use coaxdesign::report::plot::{Axis, Figure, Panel, Series};
@@ -77,7 +78,10 @@ fn values(flag: &str, text: &str, kind: Kind) -> Result<Vec<f64>, CliError> {
         let quantity = format!("{} {}", number.trim(), unit.trim());
         let value =
             parse_quantity(quantity.trim(), kind).map_err(|error| usage(error.to_string()))?;
-        if value.is_finite() { Ok(value) } else { Err(usage("it is not finite".into())) }
+        match beyond(flag, value, kind) {
+            None => Ok(value),
+            Some(bounds) => Err(usage(bounds)),
+        }
     };
     match numbers.split(':').collect::<Vec<_>>().as_slice() {
         [list] => list.split(',').map(value).collect(),
@@ -93,6 +97,18 @@ fn values(flag: &str, text: &str, kind: Kind) -> Result<Vec<f64>, CliError> {
             Ok((0..=count as usize).map(|k| first + k as f64 * step).collect())
         }
         _ => Err(usage("a range has three parts, FIRST:LAST:STEP".into())),
+    }
+}
+
+/// A load that is asked for, in words.
+fn asked(load: Load, system: System) -> String {
+    let shown = |value: f64, kind: Kind| {
+        format!("{:.1} {}", kind.from_si(value, system), kind.symbol(system))
+    };
+    match load {
+        Load::ThrustCoefficient(value) => format!("C_T {value:.5}"),
+        Load::Thrust(value) => format!("thrust {}", shown(value, Kind::Force)),
+        Load::Torque(value) => format!("torque {}", shown(value, Kind::Moment)),
     }
 }
 
@@ -164,10 +180,10 @@ impl Rotor {
         }
         self.output.write(&text)?;
         let mut failed = false;
-        for point in &points {
+        for (point, load) in points.iter().zip(&loads) {
             if let Some(failure) = &point.failure {
                 failed = true;
-                output::note(&format!("C_T {:.5}: no trim: {failure}\n", point.thrust_coefficient));
+                output::note(&format!("{}: no trim: {failure}\n", asked(*load, system)));
             }
         }
         Ok(if failed { Outcome::GoalMissed } else { Outcome::Done })

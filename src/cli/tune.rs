@@ -10,7 +10,7 @@ use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::design::Design;
-use coaxdesign::control::explain::{Explanation, Target};
+use coaxdesign::control::explain::{Explanation, Target, TargetReport};
 use coaxdesign::control::law::LawTable;
 use coaxdesign::control::misses::misses;
 use coaxdesign::control::models::LeftOut;
@@ -304,18 +304,18 @@ fn prices_table(prices: &[Price], system: System) -> Table {
     let unit = Kind::Airspeed.symbol(system);
     let mut columns =
         vec![Column::text("axis"), Column::number("speed", unit, Digits::Decimals(0))];
-    for t in Target::ALL {
+    for t in Target::PRICED {
         let heading = format!("{}, {}", t.name(), t.unit_tightening().1);
         columns.push(Column::number(&heading, "%", Digits::Decimals(2)));
     }
     let mut table =
         Table::new("Prices of the targets in actuator activity, from the duals", columns);
-    for of_speed in prices.chunks(Target::ALL.len()) {
+    for of_speed in prices.chunk_by(|a, b| a.channel == b.channel && a.speed == b.speed) {
         let Some(first) = of_speed.first() else { continue };
         let mut cells: Vec<Cell> =
             vec![first.channel.name().into(), speed(first.speed, system).into()];
         for p in of_speed {
-            let shown = p.percent.abs() >= PRICE_SHOWN;
+            let shown = p.percent >= PRICE_SHOWN;
             cells.push(if shown { p.percent.into() } else { Cell::empty() });
         }
         table.row(cells);
@@ -610,56 +610,123 @@ pub(super) fn authority_text(checks: &[Authority], system: System) -> String {
 }
 
 pub(super) fn explanations_text(list: &[Explanation], system: System) -> String {
-    let mut text = String::new();
-    for e in list {
-        text += &format!("\n{} at {}, nominal model: ", e.axis, speed_text(e.speed_m_s, system));
-        if e.attainable {
-            text += "this model alone can meet all targets here. Prices in actuator activity:\n";
-            for t in &e.targets {
-                match t.price_percent {
-                    Some(p) => {
-                        text += &format!("  {}: {} costs {p:+.1} %\n", t.target.name(), t.price_of)
-                    }
-                    None => {
-                        text += &format!("  {}: {} cannot be had\n", t.target.name(), t.price_of)
-                    }
-                }
+    list.iter().map(|e| explanation_text(e, system)).collect()
+}
+
+fn explanation_text(e: &Explanation, system: System) -> String {
+    let place = if e.breakpoint { "at" } else { "between breakpoints, at" };
+    let mut text = format!("\n{} {place} {}: ", e.axis, speed_text(e.speed_m_s, system));
+    if e.met {
+        text += "all targets are met. ";
+        let priced: Vec<String> = e
+            .targets
+            .iter()
+            .filter_map(|t| {
+                let price = t.price_percent.filter(|p| *p >= PRICE_SHOWN)?;
+                Some(format!("  {}: {} costs {price:.2} %\n", t.target.name(), t.price_of))
+            })
+            .collect();
+        text += match priced.is_empty() {
+            true => "None of them costs actuator activity.\n",
+            false => "Prices in actuator activity:\n",
+        };
+        return text + &priced.concat();
+    }
+    if let Some([key, value]) = &e.remedy {
+        text += &format!(
+            "gains for this speed alone meet all targets; those of the design are tied to the \
+             speeds beside it. The key is {key}, try {value}.\n"
+        );
+        for t in e.targets.iter().filter(|t| t.missed) {
+            text += &format!("  {}\n", asked_and_reached(t));
+        }
+        return text;
+    }
+    text += "the targets cannot all be met here.\n";
+    for t in e.targets.iter().filter(|t| t.missed) {
+        text += &format!("  {}", asked_and_reached(t));
+        text += &match (t.attainable, &t.set_to) {
+            (Some(best), Some(value)) => {
+                let more = t.reached.is_none_or(|v| (t.asked - best).abs() < (t.asked - v).abs());
+                let most = if more {
+                    format!("{best:.3} can be had")
+                } else {
+                    "no more can be had".into()
+                };
+                format!(
+                    "; {most} with the others held{}. The key is {}, try {value}.\n",
+                    bound_text(t),
+                    t.key
+                )
             }
-        } else {
-            text += "the targets cannot all be met.\n";
-            let conflicting = e.conflicting();
-            if conflicting.is_empty() {
-                text += "  Moving one target alone does not help: lower several, or reduce the delay.\n";
-            }
-            for t in &e.targets {
-                if let Some(best) = t.attainable {
-                    text += &format!(
-                        "  {}: asked {:.3} {}, attainable {:.3} with the others held\n",
-                        t.target.name(),
-                        t.asked,
-                        t.target.unit(),
-                        best
-                    );
-                }
-            }
+            _ => format!(
+                "; nothing near it can be had with the others held. The key is {}.\n",
+                t.key
+            ),
+        };
+    }
+    let against: Vec<&TargetReport> =
+        e.targets.iter().filter(|t| !t.missed && t.attainable.is_some()).collect();
+    if against.is_empty() {
+        text += "  No met target moved alone lets all be met.\n";
+    }
+    for t in against {
+        if let (Some(best), Some(value)) = (t.attainable, &t.set_to) {
+            text += &format!(
+                "  or instead the {} of {} models: with {best:.3} {} in place of {:.3} all is met. \
+                 The key is {}, try {value}.\n",
+                t.target.name(),
+                class_text(t.class),
+                t.target.unit(),
+                t.asked,
+                t.key
+            );
         }
     }
     text
 }
 
+fn class_text(class: ModelClass) -> &'static str {
+    match class {
+        ModelClass::Nominal => "nominal",
+        ModelClass::OffNominal => "off-nominal",
+    }
+}
+
+fn asked_and_reached(t: &TargetReport) -> String {
+    let reached = t.reached.map_or_else(|| "no limit".into(), |v| format!("{v:.3}"));
+    format!(
+        "{} of {} models: asked {:.3} {}, reached {reached}",
+        t.target.name(),
+        class_text(t.class),
+        t.asked,
+        t.target.unit()
+    )
+}
+
+/// What holds a target at its attainable value.
+fn bound_text(t: &TargetReport) -> String {
+    if t.bound_by.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = t
+        .bound_by
+        .iter()
+        .map(|b| format!("{} of {} models", b.target.name(), class_text(b.class)))
+        .collect();
+    format!(", bound by {}", names.join(", "))
+}
+
 /// Every requirement that is missed: how far, where worst, and the key that
 /// asks for it.
-fn misses_text(verification: &Verification, system: System) -> String {
+pub(super) fn misses_text(verification: &Verification, system: System) -> String {
     let found = misses(verification);
     if found.is_empty() {
         return String::new();
     }
     let mut text = String::from("\nMissed, worst first, with what these gains reach:\n");
     for m in &found {
-        let class = match m.class {
-            ModelClass::Nominal => "nominal",
-            ModelClass::OffNominal => "off-nominal",
-        };
+        let class = class_text(m.class);
         let place = if m.breakpoint { "at" } else { "between breakpoints, at" };
         text += &format!(
             "  {} {}: asked {:.3}, reached {:.3} {place} {} with model {}; {} of {} {class} rows. \

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, ProblemArgs, RunArgs, UnitsArgs};
 use super::designs::{Opened, SourceArgs, load_schedule};
-use super::tune::{SpecArgs, authority_text, left_out_text, report_text, rows_table};
+use super::tune::{SpecArgs, authority_text, left_out_text, misses_text, report_text, rows_table};
 use super::watch::Watch;
 use super::{CliError, Outcome};
 use coaxdesign::pipeline::{verification_document, verify, verify_models};
@@ -93,6 +93,7 @@ impl Verify {
                 format!("{head}\n")
                     + &report_text(&verified.verification, system, Coloring::for_stdout())
                     + &authority_text(&verified.authority, system)
+                    + &misses_text(&verified.verification, system)
                     + &left_out_text(&verified.left_out, system)
             }
         };

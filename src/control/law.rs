@@ -235,6 +235,21 @@ impl LawTable {
         Linearizer::new(self, &[]).at(speed, velocity_mode)
     }
 
+    /// The same table with gains of its own at a speed, m/s, which becomes a
+    /// breakpoint if it is none; all else is as it is flown there.
+    pub fn with_gains_at(&self, speed: f64, gains: GainSet) -> Self {
+        let mut out = self.clone();
+        let same = |p: &LawPoint| (p.speed - speed).abs() < 1e-6;
+        match out.points.iter().position(same) {
+            Some(k) => out.points[k].gains = gains,
+            None => {
+                let k = out.points.partition_point(|p| p.speed < speed);
+                out.points.insert(k, LawPoint { gains, ..self.at(speed) });
+            }
+        }
+        out
+    }
+
     /// The same table with other gains, one set a breakpoint.
     pub fn with_gains(&self, gains: impl Fn(usize) -> GainSet) -> Self {
         let mut out = self.clone();

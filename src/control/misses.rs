@@ -85,7 +85,7 @@ pub fn misses(verification: &Verification) -> Vec<Miss> {
 }
 
 /// The key that asks for a requirement of an axis, and whether it is a factor.
-fn key(axis: &str, requirement: &str, class: ModelClass) -> (String, bool) {
+pub(super) fn key(axis: &str, requirement: &str, class: ModelClass) -> (String, bool) {
     let outer = Channel::ALL.iter().any(|c| c.name() == axis && c.is_outer());
     let own = if outer { "outer" } else { "axis" };
     let set = if class == ModelClass::Nominal { "nominal" } else { "off_nominal" };

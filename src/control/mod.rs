@@ -13,7 +13,7 @@
 //! * [`models`]: from a problem to the plants of every model and speed.
 //! * [`verify`]: dense verification, authority, design margins.
 //! * [`design`]: from a specification to a tuned law.
-//! * [`explain`]: conflicts, best attainable values and prices.
+//! * [`explain`]: what binds, best attainable values and the keys to change.
 //! * [`testbed`]: plants from published matrices for tests and benchmarks.
 
 pub mod axis;

@@ -46,6 +46,9 @@ pub struct Specification {
     pub models: Vec<ModelSpec>,
     /// Requirements of each channel.
     pub channels: Vec<ChannelRequirement>,
+    /// What the margins of nominal models make of an axis's keys; it is in
+    /// `channels` already.
+    pub nominal_scales: Scales,
     /// Steps of the authority check.
     pub steps: Steps,
     /// Where turn coordination takes over.
@@ -655,18 +658,35 @@ pub fn parse(name: &str, text: &str) -> Result<Specification, Report> {
 struct MarginSet {
     gain: f64,
     phase: f64,
-    drb_scale: f64,
-    drp_extra: f64,
-    crossover_scale: f64,
+    scales: Scales,
+}
+
+/// What a class of models makes of the requirements of an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scales {
+    /// Factor on the least disturbance rejection bandwidth.
+    pub drb: f64,
+    /// Added to the largest disturbance rejection peak, dB.
+    pub drp_extra: f64,
+    /// Factor on the least crossover; the largest is divided by it.
+    pub crossover: f64,
+}
+
+impl Default for Scales {
+    fn default() -> Self {
+        Self { drb: 1.0, drp_extra: 0.0, crossover: 1.0 }
+    }
 }
 
 fn margin_set(t: &CheckedTable) -> Option<MarginSet> {
     Some(MarginSet {
         gain: from_decibels(t.number("gain_margin_db")?),
         phase: t.number("phase_margin")?,
-        drb_scale: t.number("drb_scale")?,
-        drp_extra: t.number("drp_extra_db")?,
-        crossover_scale: t.number("crossover_scale")?,
+        scales: Scales {
+            drb: t.number("drb_scale")?,
+            drp_extra: t.number("drp_extra_db")?,
+            crossover: t.number("crossover_scale")?,
+        },
     })
 }
 
@@ -676,10 +696,10 @@ fn targets(t: &CheckedTable, m: &MarginSet, outer: bool) -> Targets {
         gain_up: m.gain,
         gain_down: m.gain,
         phase: m.phase,
-        drb: t.number("drb").map(|w| w * m.drb_scale),
-        drp: t.number("drp_db").map(|db| from_decibels(db + m.drp_extra)),
-        crossover_min: crossover("crossover_min").map(|w| w * m.crossover_scale),
-        crossover_max: crossover("crossover_max").map(|w| w / m.crossover_scale),
+        drb: t.number("drb").map(|w| w * m.scales.drb),
+        drp: t.number("drp_db").map(|db| from_decibels(db + m.scales.drp_extra)),
+        crossover_min: crossover("crossover_min").map(|w| w * m.scales.crossover),
+        crossover_max: crossover("crossover_max").map(|w| w / m.scales.crossover),
     }
 }
 
@@ -859,6 +879,7 @@ fn build(root: &CheckedTable, reader: &mut Reader, lenient: bool) -> Option<Spec
         models_from: root.table("models_from").map(Mapping::from_table).unwrap_or_default(),
         models,
         channels,
+        nominal_scales: nominal.map_or_else(Scales::default, |m| m.scales),
         steps: Steps {
             roll: command.number("roll_step")?,
             pitch: command.number("pitch_step")?,

@@ -1,6 +1,7 @@
 //! Why a pipeline could not go on.
 
 use crate::control::design::DesignError;
+use crate::control::explain::ExplainError;
 use crate::control::models::ModelsError;
 use crate::control::plant::PlantError;
 use crate::control::tuning::TuningError;
@@ -42,7 +43,7 @@ pub enum PipelineError {
     Verify(#[from] VerifyError),
     /// A missed target cannot be explained.
     #[error("a missed target cannot be explained: {0}")]
-    Explain(#[from] TuningError),
+    Explain(#[from] ExplainError),
     /// The schedule cannot be used.
     #[error(transparent)]
     Schedule(#[from] ScheduleError),

@@ -1,5 +1,6 @@
 //! From a problem and a specification to a verified schedule.
 
+use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
 use super::observer::Running;
@@ -7,11 +8,12 @@ use super::requirements::{models_hash, problem_hash};
 use super::{Observer, PipelineError, Requirements, Task};
 use crate::control::axis::Channel;
 use crate::control::design::{Design, design};
-use crate::control::explain::{Explanation, explain};
+use crate::control::explain::{Explanation, Site};
 use crate::control::law::LawTable;
+use crate::control::misses::misses;
 use crate::control::models::{Built, LeftOut, build_until, from_set};
-use crate::control::plant::{Hardware, ModelClass, ModelSet, Plant};
-use crate::control::spec::Specification;
+use crate::control::plant::{Hardware, ModelSet, Plant};
+use crate::control::spec::{ChannelRequirement, Specification};
 use crate::control::tuning::Price;
 use crate::control::verify::{Authority, BladeControl, Row, Verification, authority};
 use crate::lti::LtiSet;
@@ -313,9 +315,9 @@ fn tune_built(
     };
     let _running = Running::begin(observer, Task::Verification, 1)?;
     let limits = subject.stick_limits;
+    let whole = built.set.clone();
     let verified = judge(&design.table, limits, &subject.blades, spec, built)?;
-    let explanations =
-        explanations(spec, &nodes, &design.table, &verified.verification, options.explain_all)?;
+    let explanations = explanations(spec, &whole, &design, &verified.verification, options)?;
     let met = verified.met();
     let schedule =
         Schedule::new(&subject.name, &design.table, spec.hardware, limits, met, provenance);
@@ -384,36 +386,65 @@ fn judge(
     Ok(Verified { verification, authority, left_out: built.left_out })
 }
 
-/// Explains, for every axis, the nominal breakpoint with the least design
-/// margin: always where a requirement is missed there, else where `all` asks
-/// for it.
+/// Explains every requirement that an axis misses with a class of models, where
+/// it is missed most; where `explain_all` asks for it also, for every axis, the
+/// breakpoint at which the first model has the least design margin.
 fn explanations(
     spec: &Specification,
-    nodes: &ModelSet,
-    table: &LawTable,
+    whole: &ModelSet,
+    design: &Design,
     verification: &Verification,
-    all: bool,
+    options: &TuneOptions,
 ) -> Result<Vec<Explanation>, PipelineError> {
-    let mut out = Vec::new();
+    let mut places: Vec<(&ChannelRequirement, f64)> = Vec::new();
+    let missed = misses(verification);
     for requirement in &spec.channels {
-        let margin = |row: &Row| row.design_margin_percent.unwrap_or(0.0);
-        let hardest = verification
-            .rows
-            .iter()
-            .filter(|r| {
-                r.axis == requirement.channel.name()
-                    && r.class == ModelClass::Nominal
-                    && r.model == nodes.models[0].name
-                    && r.breakpoint
-                    && r.design_margin_percent.is_some()
-            })
-            .min_by(|a, b| margin(a).total_cmp(&margin(b)));
-        let Some(row) = hardest.filter(|row| all || !row.passed) else { continue };
-        let plant = nodes.plants.iter().find(|p| (p[0].speed - row.speed_m_s).abs() < SAME_SPEED);
-        let Some(plant) = plant else { continue };
-        out.push(explain(spec, table, &plant[0], requirement)?);
+        let name = requirement.channel.name();
+        let mut speeds: Vec<f64> =
+            missed.iter().filter(|m| m.axis == name).map(|m| m.speed).collect();
+        if options.explain_all {
+            speeds.extend(hardest(verification, name, &whole.models[0].name));
+        }
+        speeds.sort_by(f64::total_cmp);
+        speeds.dedup_by(|a, b| (*a - *b).abs() < SAME_SPEED);
+        places.extend(speeds.into_iter().map(|v| (requirement, v)));
     }
-    Ok(out)
+    let explained: Result<Vec<Option<Explanation>>, _> = places
+        .par_iter()
+        .map(|(requirement, speed)| {
+            let same = |v: f64| (v - speed).abs() < SAME_SPEED;
+            let Some(plants) = whole.plants.iter().find(|p| same(p[0].speed)) else {
+                return Ok(None);
+            };
+            let own = |r: &&Row| r.axis == requirement.channel.name() && same(r.speed_m_s);
+            let rows: Vec<&Row> = verification.rows.iter().filter(own).collect();
+            let site = Site {
+                spec,
+                table: &design.table,
+                infos: &whole.models,
+                plants,
+                speed: *speed,
+                requirement,
+                rows: &rows,
+                prices: &design.tuning.prices,
+            };
+            site.explain().map(Some)
+        })
+        .collect();
+    Ok(explained?.into_iter().flatten().collect())
+}
+
+/// Speed of the breakpoint at which an axis has the least design margin with a
+/// model, m/s.
+fn hardest(verification: &Verification, axis: &str, model: &str) -> Option<f64> {
+    let margin = |row: &Row| row.design_margin_percent.unwrap_or(0.0);
+    verification
+        .rows
+        .iter()
+        .filter(|r| r.axis == axis && r.model == model && r.breakpoint)
+        .filter(|r| r.design_margin_percent.is_some())
+        .min_by(|a, b| margin(a).total_cmp(&margin(b)))
+        .map(|row| row.speed_m_s)
 }
 
 /// Prices of a smaller size than this, %, are those of targets that do not

@@ -22,6 +22,12 @@ const MERIT_TOLERANCE: f64 = 2e-5;
 /// small against a step that matters, wide against the answer's accuracy.
 const PRICE_REGION: f64 = 0.05;
 
+/// A slack above this in the program of the prices is a miss, which has no price.
+const SLACK: f64 = 1e-3;
+/// Stick activity below this, % per unit of noise, is none: no share of it is a
+/// price.
+const LEAST_ACTIVITY: f64 = 1e-3;
+
 /// Rows with an ease below this are in the first round of a program.
 const FIRST_ROWS: f64 = 0.25;
 /// Rounds at most; the last has all rows.
@@ -113,7 +119,9 @@ impl ChannelProblem<'_> {
     }
 
     /// Prices of the targets at these gains, which should be a converged
-    /// answer: from the duals of the program there.
+    /// answer: from the duals of the program there. None at a speed where a
+    /// requirement is missed, since its dual is the price of missing it, nor where
+    /// the gains vanish.
     ///
     /// # Errors
     /// A program that cannot be posed.
@@ -142,16 +150,23 @@ impl ChannelProblem<'_> {
         }
         let n = self.speeds.len() as f64;
         let mut own = vec![1.0; self.speeds.len()];
+        let mut absent = vec![false; self.speeds.len()];
         for site in self.sites.iter().filter(|s| s.nominal) {
-            own[site.speed] =
-                site.activity_squared(&site.gains(&x)) / self.reference_activity[site.speed];
+            let squared = site.activity_squared(&site.gains(&x));
+            own[site.speed] = squared / self.reference_activity[site.speed];
+            absent[site.speed] = squared < LEAST_ACTIVITY * LEAST_ACTIVITY;
         }
+        let slack = |v: usize, k: usize| {
+            solved.solution.x[self.speeds.len() * self.gain_count() + v * KINDS + k]
+        };
+        let priced = |v: usize| !absent[v] && (0..KINDS).all(|k| slack(v, k) < SLACK);
         let mut out = Vec::new();
-        for (v, totals) in totals.iter().enumerate() {
-            for target in Target::ALL {
+        for (v, totals) in totals.iter().enumerate().filter(|(v, _)| priced(*v)) {
+            for target in Target::PRICED {
                 let by = target.unit_tightening().0;
                 // The objective is the mean over speeds of activity².
-                let percent = 100.0 * by * totals[target as usize] * n / (2.0 * own[v]);
+                // Duals are not negative but for rounding.
+                let percent = (100.0 * by * totals[target as usize] * n / (2.0 * own[v])).max(0.0);
                 let (channel, speed) = (self.channel, self.speeds[v]);
                 out.push(Price { channel, speed, target, percent });
             }

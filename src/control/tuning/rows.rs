@@ -224,6 +224,7 @@ impl RowMaker<'_> {
                 let (d, b, _) = &points[k];
                 let f: Affine = std::array::from_fn(|i| d[i] - b[i]);
                 let bound = real_row(C::new(1.0, 0.0), b, dependence);
+                // It has no price: least activity seldom wants more crossover.
                 self.push_cone(Requirement::CrossoverMax, bound, &f, Vec::new());
             }
         }
@@ -234,13 +235,14 @@ impl RowMaker<'_> {
         let site = self.site;
         let level = site.rejection_level(options);
         for &k in &site.rejection_points {
-            // The curve rises with the frequency of a bandwidth.
+            // The curve rises with the frequency of a bandwidth; where it falls,
+            // more bandwidth costs nothing.
             let l = &site.loops;
             let x = self.region.x;
             let free: Vec<f64> = without_hold(l.channel, x);
             let size =
                 |k: usize| (affine_value(&l.full[k], &free) / affine_value(&l.full[k], x)).norm();
-            let tightening = vec![(Target::Drb, -log_slope(&l.omega, k, size))];
+            let tightening = vec![(Target::Drb, (-log_slope(&l.omega, k, size)).min(0.0))];
             self.push_sensitivity(Requirement::RejectionBandwidth, k, level, tightening);
         }
         if let Some(level) = site.peak_level(options) {

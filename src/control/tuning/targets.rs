@@ -118,11 +118,24 @@ pub enum Target {
     Drp,
     /// Least crossover, rad/s.
     CrossoverMin,
+    /// Largest crossover, rad/s.
+    CrossoverMax,
 }
 
 impl Target {
     /// All targets.
-    pub const ALL: [Target; 5] =
+    pub const ALL: [Target; 6] = [
+        Target::PhaseMargin,
+        Target::GainMargin,
+        Target::Drb,
+        Target::Drp,
+        Target::CrossoverMin,
+        Target::CrossoverMax,
+    ];
+
+    /// Targets that have a price: all but the largest crossover, which the least
+    /// activity keeps away from by itself.
+    pub const PRICED: [Target; 5] =
         [Target::PhaseMargin, Target::GainMargin, Target::Drb, Target::Drp, Target::CrossoverMin];
 
     /// The tightening that its price is of: in rad, natural logarithm of a
@@ -135,6 +148,7 @@ impl Target {
             Target::Drb => (0.02, "2 % more"),
             Target::Drp => (0.1 * NEPER_PER_DECIBEL, "0.1 dB less"),
             Target::CrossoverMin => (0.02, "2 % more"),
+            Target::CrossoverMax => (0.02, "2 % less"),
         }
     }
 }
@@ -150,6 +164,7 @@ pub struct Price {
     pub target: Target,
     /// Rise of the actuator activity at this speed for
     /// [`Target::unit_tightening`], %; to first order, with the other speeds'
-    /// part of the cost counted as if it arose here.
+    /// part of the cost counted as if it arose here. Not negative: what is
+    /// harder is not cheaper.
     pub percent: f64,
 }
