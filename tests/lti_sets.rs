@@ -13,7 +13,7 @@ use coaxdesign::lti::stitch::Stitched;
 use coaxdesign::lti::{LtiSet, load};
 use coaxdesign::studies::coax2d::appendix::{Condition, appendix};
 use coaxdesign::units::{KNOT, System};
-use sets::{example, own_set, uh60a};
+use sets::{OWN_LIMITS, example, own_set, uh60a};
 use std::path::Path;
 
 fn level_flight() -> Mapping {
@@ -291,7 +291,9 @@ fn every_form_holds_the_same_set() {
         let read = |extension: &str, bytes: &[u8]| {
             let path = directory.path().join(format!("{name}.{extension}"));
             std::fs::write(&path, bytes).unwrap();
-            load(&path, &Mapping::default()).unwrap_or_else(|r| panic!("{r}"))
+            let set = load(&path, &Mapping::default()).unwrap_or_else(|r| panic!("{r}"));
+            assert_eq!(set.stick_limits, OWN_LIMITS, "{extension}");
+            set
         };
         near(&read("json", set_to_json(&own, system).as_bytes()), &wanted);
         near(&read("mat", &set_to_mat(&own, system)), &wanted);

@@ -78,7 +78,9 @@ fn everything_agrees(speed: f64) {
     let linear = LawLoop::new(&law.table, speed, false);
     let model = PlantLoop::new(&frequency, &linear);
     let settings = Sweep::default();
-    let all = measure_axes(&VEHICLE, &start, &law, &options, &settings, &Axis::ALL).unwrap();
+    let all =
+        measure_axes((&*VEHICLE).into(), &(&start).into(), &law, &options, &settings, &Axis::ALL)
+            .unwrap();
     for measured in &all {
         let axis = measured.axis;
         let channel = Channel::from(axis);
@@ -162,7 +164,9 @@ fn val_small_steps_follow_the_linear_closed_loop() {
         let (start, plant, law, options) = ready(speed);
         let channels = steps::channels(&law.table, speed);
         assert!(channels.len() >= 4);
-        let list = steps::compare(&VEHICLE, &start, &plant, &law, &options, &channels).unwrap();
+        let list =
+            steps::compare((&*VEHICLE).into(), &(&start).into(), &plant, &law, &options, &channels)
+                .unwrap();
         for step in &list {
             let difference = 100.0 * step.difference();
             assert!(difference < 5.0, "{} at {knots} kt: {difference:.2} %", step.channel);

@@ -1,18 +1,20 @@
 //! The design that a subcommand works on, with its aircraft and its
 //! specification.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Map, Value as Json, json};
 
-use super::args::{ProblemArgs, UnitsArgs};
+use super::args::{ModelsArgs, ProblemArgs, UnitsArgs};
 use super::tune::{SpecArgs, usage};
 use super::{CliError, output};
+use coaxdesign::control::spec::Specification;
 use coaxdesign::lti::LtiSet;
 use coaxdesign::lti::mapping::Mapping;
 use coaxdesign::lti::stitch::Stitched;
-use coaxdesign::pipeline::directory::{DesignInputs, DirectoryError, NOTE, Note};
+use coaxdesign::pipeline::directory::{DesignInputs, DirectoryError, ModelInputs, NOTE, Note};
 use coaxdesign::pipeline::{DirectoryLock, PipelineError, Requirements, models_hash, problem_hash};
 use coaxdesign::problem::{self, Loaded};
 use coaxdesign::report::table::Table;
@@ -117,6 +119,271 @@ pub fn check_models(
         "name the set that the design was tuned on, tune anew with `coaxdesign tune-gains --models \
          SET -o DIR`, or add --other-aircraft to go on all the same",
     ))
+}
+
+/// A design that was made from linear models, or is looked at with some.
+#[derive(Debug)]
+pub struct OpenedModels {
+    /// The design as it was named; empty without one.
+    pub name: String,
+    /// The schedule, if a design is named.
+    pub schedule: Option<Schedule>,
+    /// The set.
+    pub set: LtiSet,
+    /// The specification.
+    pub requirements: Requirements,
+}
+
+impl OpenedModels {
+    /// The models that the arguments name, else those that the design holds.
+    /// `None` where there are none: the design is then one of a problem.
+    ///
+    /// # Errors
+    /// A set or a specification that is wrong, or that the design was not made
+    /// for.
+    pub fn read(
+        design: Option<&Path>,
+        sources: &SourceArgs,
+        models: &ModelsArgs,
+        quiet: bool,
+    ) -> Result<Option<Self>, CliError> {
+        let problem = ProblemArgs { file: sources.problem.clone() };
+        let kept = match design {
+            // What a problem that is named makes of it is for the caller.
+            Some(design) if problem.file.is_none() => ModelInputs::read(directory_of(design))?,
+            _ => None,
+        };
+        let (kept_set, kept_spec) = match kept {
+            Some(kept) => {
+                let name = kept.note.specification.origin.clone();
+                (Some(kept.set), Some(Requirements { name, ..kept.requirements }))
+            }
+            None => (None, None),
+        };
+        let requirements = match (&sources.spec, kept_spec) {
+            (None, Some(kept)) => kept,
+            _ => SpecArgs::of(sources.spec.clone()).load()?,
+        };
+        let mapping = &requirements.specification.models_from;
+        let named = models.models.is_some() || (sources.spec.is_some() && kept_set.is_none());
+        let set = match kept_set {
+            Some(set) if !named => set,
+            _ if named => match models.load(&problem, mapping, &requirements.name, quiet)? {
+                Some(set) => set,
+                None => return Ok(None),
+            },
+            _ => return Ok(None),
+        };
+        let schedule = design.map(load_schedule).transpose()?;
+        if let (Some(design), Some(schedule)) = (design, &schedule) {
+            check_models(design, schedule, &set, sources.other_aircraft)?;
+            let wanted = &schedule.provenance.specification_hash;
+            let found = requirements.hash();
+            if sources.spec.is_some() && known(wanted) && found != *wanted && !sources.other_spec {
+                return Err(other_specification(
+                    design,
+                    wanted,
+                    "another specification",
+                    &requirements.name,
+                    &found,
+                ));
+            }
+        }
+        let name = design.map(|design| design.display().to_string()).unwrap_or_default();
+        Ok(Some(Self { name, schedule, set, requirements }))
+    }
+
+    /// What a result is of, in a line.
+    pub fn head(&self) -> String {
+        let of = if self.name.is_empty() { "no design" } else { &self.name };
+        format!("{of}: linear models {}, specification {}\n", self.set.name, self.requirements.name)
+    }
+
+    /// A table with columns before its own that say what it is of.
+    pub fn with_columns(&self, table: Table) -> Table {
+        table.with_texts_before(&[
+            ("design", &self.name),
+            ("aircraft", &self.set.name),
+            ("specification", &self.requirements.name),
+        ])
+    }
+
+    /// A JSON result with what it is of before it.
+    pub fn with_head(&self, value: &Json) -> Json {
+        let parts = [
+            ("design", &self.name),
+            ("aircraft", &self.set.name),
+            ("specification", &self.requirements.name),
+        ];
+        headed(value, &parts)
+    }
+}
+
+/// A design of a problem, or of linear models.
+#[derive(Debug)]
+pub enum Subject {
+    /// Of a problem.
+    Problem(Box<Opened>),
+    /// Of linear models.
+    Models(Box<OpenedModels>),
+}
+
+impl Subject {
+    /// Reads a design with what it is of.
+    ///
+    /// # Errors
+    /// As [`Opened::read`] and [`OpenedModels::read`].
+    pub fn read(
+        design: &Path,
+        sources: &SourceArgs,
+        models: &ModelsArgs,
+        quiet: bool,
+    ) -> Result<Self, CliError> {
+        Ok(match OpenedModels::read(Some(design), sources, models, quiet)? {
+            Some(of_models) => Self::Models(Box::new(of_models)),
+            None => Self::Problem(Box::new(Opened::read(design, sources, quiet)?)),
+        })
+    }
+
+    /// The specification.
+    pub fn specification(&self) -> &Specification {
+        match self {
+            Self::Problem(opened) => &opened.requirements.specification,
+            Self::Models(of_models) => &of_models.requirements.specification,
+        }
+    }
+
+    /// The units of the results.
+    pub fn system(&self, asked: UnitsArgs) -> System {
+        match self {
+            Self::Problem(opened) => opened.system(asked),
+            Self::Models(_) => asked.of(None),
+        }
+    }
+
+    /// What a result is of, in a line.
+    pub fn head(&self) -> String {
+        match self {
+            Self::Problem(opened) => opened.head(),
+            Self::Models(of_models) => of_models.head(),
+        }
+    }
+
+    /// A table with columns before its own that say what it is of.
+    pub fn with_columns(&self, table: Table) -> Table {
+        match self {
+            Self::Problem(opened) => opened.with_columns(table),
+            Self::Models(of_models) => of_models.with_columns(table),
+        }
+    }
+
+    /// A JSON result with what it is of before it.
+    pub fn with_head(&self, value: &Json) -> Json {
+        match self {
+            Self::Problem(opened) => opened.with_head(value),
+            Self::Models(of_models) => of_models.with_head(value),
+        }
+    }
+}
+
+/// Writes a design of linear models: the set, the specification, the note and
+/// further files, all or none.
+///
+/// # Errors
+/// [`CliError::Exists`] for a file that is there and another, unless
+/// `overwrite` or the directory is a design already; [`CliError::Io`].
+pub fn write_models(
+    directory: &Path,
+    set: &LtiSet,
+    origin: &Path,
+    requirements: &Requirements,
+    options: BTreeMap<String, String>,
+    more: Vec<(String, Vec<u8>)>,
+    overwrite: bool,
+) -> Result<(), CliError> {
+    let before = Note::read(directory)?;
+    let mut note = Note::of_models(set, origin, requirements);
+    note.options = options;
+    if let Some(before) = &before
+        && before.aircraft.problem.hash == note.aircraft.problem.hash
+    {
+        note.aircraft.problem.origin.clone_from(&before.aircraft.problem.origin);
+        note.aircraft.problem.file.clone_from(&before.aircraft.problem.file);
+    }
+    write_design(
+        directory,
+        before.as_ref(),
+        &note,
+        note.files_of_models(set, requirements),
+        more,
+        overwrite,
+    )
+}
+
+/// Writes the inputs of a design with its note and further files, all or none;
+/// what is there and the same is left alone. Files of an aircraft that was
+/// there before are removed.
+fn write_design(
+    directory: &Path,
+    before: Option<&Note>,
+    note: &Note,
+    mut inputs: Vec<(String, Vec<u8>)>,
+    more: Vec<(String, Vec<u8>)>,
+    overwrite: bool,
+) -> Result<(), CliError> {
+    let text = note.to_json().map_err(|error| CliError::Internal(error.to_string()))?;
+    inputs.push((NOTE.into(), text.into_bytes()));
+    let is_ours = |name: &str| before.is_some() && !more.iter().any(|m| m.0 == *name);
+    let mut files = Vec::new();
+    for (name, bytes) in inputs.into_iter().chain(more.iter().cloned()) {
+        let path = directory.join(&name);
+        if std::fs::read(&path).is_ok_and(|there| there == bytes) {
+            continue;
+        }
+        if path.symlink_metadata().is_ok() && !overwrite && !is_ours(&name) {
+            return Err(CliError::Exists { path });
+        }
+        files.push((name, bytes));
+    }
+    output::write_set(directory, &files, true)?;
+    let gone = before.into_iter().flat_map(|before| &before.aircraft.files);
+    for file in gone.filter(|file| !note.aircraft.files.contains(file)) {
+        // Nothing depends on it any more.
+        let _ = std::fs::remove_file(directory.join(file));
+    }
+    Ok(())
+}
+
+/// A JSON result with what it is of before it, its schema first.
+fn headed(value: &Json, parts: &[(&str, &String)]) -> Json {
+    let mut whole = Map::new();
+    if let Some(schema) = value.get("schema") {
+        whole.insert("schema".into(), schema.clone());
+    }
+    for (key, text) in parts {
+        whole.insert((*key).into(), json!(text));
+    }
+    for (key, entry) in value.as_object().into_iter().flatten() {
+        whole.entry(key.clone()).or_insert_with(|| entry.clone());
+    }
+    Json::Object(whole)
+}
+
+fn other_specification(
+    design: &Path,
+    wanted: &str,
+    tuned_to: &str,
+    name: &str,
+    found: &str,
+) -> CliError {
+    usage(
+        format!(
+            "{} was tuned to {tuned_to} (hash {wanted}), but {name} is another (hash {found})",
+            design.display()
+        ),
+        "leave out --spec to take the design's own, tune anew with `coaxdesign tune-gains --spec \
+         SPEC -o DIR`, or add --other-spec to go on all the same",
+    )
 }
 
 /// The directory of a design that is named by it or by its schedule.
@@ -253,15 +520,7 @@ impl Opened {
         };
         let found = requirements.hash();
         if known(wanted) && found != *wanted && !sources.other_spec {
-            return Err(usage(
-                format!(
-                    "{} was tuned to {tuned_to} (hash {wanted}), but {} is another (hash {found})",
-                    design.display(),
-                    requirements.name
-                ),
-                "leave out --spec to take the design's own, tune anew with `coaxdesign tune-gains \
-                 --spec SPEC -o DIR`, or add --other-spec to go on all the same",
-            ));
+            return Err(other_specification(design, wanted, &tuned_to, &requirements.name, &found));
         }
         Ok(requirements)
     }
@@ -293,20 +552,13 @@ impl Opened {
 
     /// A JSON result with what it is of before it.
     pub fn with_head(&self, value: &Json) -> Json {
-        let mut whole = Map::new();
-        if let Some(schema) = value.get("schema") {
-            whole.insert("schema".into(), schema.clone());
-        }
-        whole.insert("design".into(), json!(self.name));
-        whole.insert("aircraft".into(), json!(self.loaded.problem.name));
-        whole.insert("problem".into(), json!(self.problem_name));
-        whole.insert("specification".into(), json!(self.requirements.name));
-        if let Some(entries) = value.as_object() {
-            for (key, entry) in entries {
-                whole.entry(key.clone()).or_insert_with(|| entry.clone());
-            }
-        }
-        Json::Object(whole)
+        let parts = [
+            ("design", &self.name),
+            ("aircraft", &self.loaded.problem.name),
+            ("problem", &self.problem_name),
+            ("specification", &self.requirements.name),
+        ];
+        headed(value, &parts)
     }
 }
 
@@ -452,28 +704,8 @@ impl Chosen {
         more: Vec<(String, Vec<u8>)>,
         overwrite: bool,
     ) -> Result<(), CliError> {
-        let text = note.to_json().map_err(|error| CliError::Internal(error.to_string()))?;
-        let mut inputs = note.files(&self.loaded, &self.requirements);
-        inputs.push((NOTE.into(), text.into_bytes()));
-        let is_ours = |name: &str| self.before.is_some() && !more.iter().any(|m| m.0 == *name);
-        let mut files = Vec::new();
-        for (name, bytes) in inputs.into_iter().chain(more.iter().cloned()) {
-            let path = directory.join(&name);
-            if std::fs::read(&path).is_ok_and(|there| there == bytes) {
-                continue;
-            }
-            if path.symlink_metadata().is_ok() && !overwrite && !is_ours(&name) {
-                return Err(CliError::Exists { path });
-            }
-            files.push((name, bytes));
-        }
-        output::write_set(directory, &files, true)?;
-        let gone = self.before.iter().flat_map(|before| &before.aircraft.files);
-        for file in gone.filter(|file| !note.aircraft.files.contains(file)) {
-            // Nothing depends on it any more.
-            let _ = std::fs::remove_file(directory.join(file));
-        }
-        Ok(())
+        let inputs = note.files(&self.loaded, &self.requirements);
+        write_design(directory, self.before.as_ref(), note, inputs, more, overwrite)
     }
 }
 
@@ -509,6 +741,11 @@ impl From<DirectoryError> for CliError {
             DirectoryError::Note { .. } => usage(
                 message,
                 "delete it, and make the design again with `coaxdesign design FILE -o DIR`",
+            ),
+            DirectoryError::OfModels { .. } => usage(
+                message,
+                "this command needs a problem; `simulate`, `montecarlo`, `identify`, `verify` and \
+                 `export` work with a design of models",
             ),
             DirectoryError::Changed { .. } => usage(
                 message,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::args::{ModelsArgs, ProblemArgs, UnitsArgs};
-use super::designs::{Craft, Opened, SourceArgs, check_models, load_schedule};
+use super::designs::{Craft, Opened, OpenedModels, SourceArgs};
 use super::quantity::beyond;
 use super::tune::SpecArgs;
 use super::watch::Watch;
@@ -117,6 +117,8 @@ pub fn variation(texts: &[String]) -> Result<Variation, CliError> {
 pub struct Ready {
     /// The design, if one is named.
     pub opened: Option<Opened>,
+    /// What the flight is of, where there is a design or a set of models.
+    head: Option<String>,
     /// The aircraft as read, or the models.
     pub craft: Craft,
     /// How it is varied.
@@ -145,15 +147,7 @@ impl Ready {
 
     /// What the flight is of, in a line.
     pub fn head(&self) -> String {
-        self.opened.as_ref().map_or_else(
-            || match &self.craft {
-                Craft::Problem(loaded) => {
-                    format!("no design: aircraft {}\n", loaded.problem.name)
-                }
-                Craft::Models(set, _) => format!("stitched linear models: {}\n", set.name),
-            },
-            Opened::head,
-        )
+        self.head.clone().unwrap_or_else(|| format!("no design: aircraft {}\n", self.craft.name()))
     }
 
     /// Flies a plan with the aircraft or the models.
@@ -213,25 +207,17 @@ impl FlyArgs {
         let variation = variation(&self.model)?;
         let as_read = load_maneuver(&self.maneuver)?;
         let maneuver = variation.fly_in(&as_read);
-        let given = ProblemArgs { file: self.sources.problem.clone() };
-        let own = match &self.models.models {
-            Some(_) => Some(SpecArgs::of(self.sources.spec.clone()).load()?),
-            None => None,
-        };
-        let set = match &own {
-            Some(own) => {
-                let mapping = &own.specification.models_from;
-                self.models.load(&given, mapping, &own.name, quiet)?
-            }
-            None => None,
-        };
+        let of_models =
+            OpenedModels::read(self.design.as_deref(), &self.sources, &self.models, quiet)?;
         let opened = match &self.design {
-            Some(design) if set.is_none() => Some(Opened::read(design, &self.sources, quiet)?),
+            Some(design) if of_models.is_none() => {
+                Some(Opened::read(design, &self.sources, quiet)?)
+            }
             _ => None,
         };
-        let schedule = match (&opened, &self.design) {
+        let schedule = match (&opened, &of_models) {
             (Some(opened), _) => Some(opened.schedule.clone()),
-            (None, Some(design)) => Some(load_schedule(design)?),
+            (None, Some(of_models)) => of_models.schedule.clone(),
             (None, None) => None,
         };
         if maneuver.mode != Mode::OpenLoop && schedule.is_none() {
@@ -242,18 +228,23 @@ impl FlyArgs {
                     .into(),
             });
         }
-        if let (Some(set), Some(schedule), Some(design)) = (&set, &schedule, &self.design) {
-            check_models(design, schedule, set, self.sources.other_aircraft)?;
-        }
-        let specification = match (&opened, &own) {
+        let specification = match (&opened, &of_models) {
             (Some(opened), _) => opened.requirements.specification.clone(),
-            (None, Some(own)) => own.specification.clone(),
+            (None, Some(of_models)) => of_models.requirements.specification.clone(),
             (None, None) => SpecArgs::of(self.sources.spec.clone()).load()?.specification,
         };
-        let craft = match (set, &opened) {
-            (Some(set), _) => Craft::of_models(set, &specification.models_from)?,
+        let head = match (&opened, &of_models) {
+            (Some(opened), _) => Some(opened.head()),
+            (None, Some(of_models)) => Some(of_models.head()),
+            (None, None) => None,
+        };
+        let craft = match (of_models, &opened) {
+            (Some(of_models), _) => Craft::of_models(of_models.set, &specification.models_from)?,
             (None, Some(opened)) => Craft::Problem(Box::new(opened.loaded.clone())),
-            (None, None) => Craft::Problem(Box::new(given.load_with_warnings(quiet)?)),
+            (None, None) => {
+                let given = ProblemArgs { file: self.sources.problem.clone() };
+                Craft::Problem(Box::new(given.load_with_warnings(quiet)?))
+            }
         };
         let hardware: Hardware =
             schedule.as_ref().map_or(specification.hardware, |schedule| schedule.hardware);
@@ -273,7 +264,7 @@ impl FlyArgs {
             seed: self.seed,
             ..Options::new(hardware, rate_limit)
         };
-        Ok(Ready { opened, craft, variation, schedule, as_read, maneuver, options })
+        Ok(Ready { opened, head, craft, variation, schedule, as_read, maneuver, options })
     }
 }
 

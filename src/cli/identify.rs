@@ -6,28 +6,30 @@ use clap::Args;
 use num_complex::Complex64;
 use serde_json::{Value as Json, json};
 
-use super::args::{Format, FormatArgs, OutputArgs, RunArgs, UnitsArgs};
+use super::args::{Format, FormatArgs, ModelsArgs, OutputArgs, RunArgs, UnitsArgs};
 use super::bode::speed_text;
-use super::designs::{Opened, SourceArgs};
+use super::designs::{SourceArgs, Subject, load_schedule};
 use super::trim::parse_speeds;
 use super::{CliError, Outcome};
 use coaxdesign::control::axis::{Axis, Channel};
 use coaxdesign::control::closed_loop::{LawLoop, PlantLoop};
 use coaxdesign::control::loops::{Cut, FrequencyModel};
 use coaxdesign::control::metrics::decibels;
-use coaxdesign::control::models::{airframe, from_state_space};
-use coaxdesign::control::plant::rigid;
+use coaxdesign::control::models::{airframe, from_point, from_state_space};
+use coaxdesign::control::plant::{Plant, rigid};
 use coaxdesign::linear::linearize::{self, averaged};
+use coaxdesign::lti::stitch::Stitched;
+use coaxdesign::pipeline::PipelineError;
 use coaxdesign::report::figures::{
     BodeChannel, Curve, CurvePanel, FrequencyResponse, Marks, bode_figure, time_history_figure,
 };
 use coaxdesign::report::table::{Cell, Coloring, Column, Digits, Table};
-use coaxdesign::simulate::Options;
 use coaxdesign::simulate::flight::Autopilot;
 use coaxdesign::simulate::identify::{
     self, Measured, PlantResponse, Record, Response, SLOWEST_REJECTION, Sweep, measure_axes,
 };
 use coaxdesign::simulate::steps::{self, SmallStep};
+use coaxdesign::simulate::{Airframe, Options, Start};
 use coaxdesign::trim::{FlightCondition, Options as TrimOptions, sweep};
 use coaxdesign::units::{Kind, System};
 use coaxdesign::vehicle::Vehicle;
@@ -45,6 +47,8 @@ pub struct Identify {
     design: PathBuf,
     #[command(flatten)]
     sources: SourceArgs,
+    #[command(flatten)]
+    models: ModelsArgs,
     /// True airspeed, such as "40 kt"
     #[arg(long, alias = "speed", value_name = "SPEED", default_value = "0 kt")]
     speeds: String,
@@ -108,6 +112,57 @@ struct Pair {
     predicted: Option<f64>,
 }
 
+/// What is flown in steady flight at a speed, and its linear model there.
+struct Flown {
+    craft: Flying,
+    start: Start,
+    plant: Plant,
+}
+
+/// An airframe that is owned.
+enum Flying {
+    Vehicle(Box<Vehicle>),
+    Stitched(Box<Stitched>),
+}
+
+impl Flying {
+    fn airframe(&self) -> Airframe<'_> {
+        match self {
+            Self::Vehicle(vehicle) => Airframe::from(&**vehicle),
+            Self::Stitched(model) => Airframe::from(&**model),
+        }
+    }
+}
+
+impl Flown {
+    fn new(subject: &Subject, speed: f64) -> Result<Self, CliError> {
+        let condition = FlightCondition::level(speed);
+        match subject {
+            Subject::Problem(opened) => {
+                let vehicle = Vehicle::new(&opened.loaded.problem)?;
+                let mut found = sweep(&vehicle, &[condition], &TrimOptions::default(), |_| {});
+                let Some(Ok(start)) = found.points.pop().map(|point| point.into_converged()) else {
+                    return Err(CliError::Missed("no trim to start from".into()));
+                };
+                let full = averaged(&vehicle, &start, &linearize::Options::default())?;
+                let plant = from_state_space(&full, speed, airframe(start.point()))?;
+                let start = Start::from(&start);
+                Ok(Self { craft: Flying::Vehicle(Box::new(vehicle)), start, plant })
+            }
+            Subject::Models(of_models) => {
+                let mapping = &of_models.requirements.specification.models_from;
+                let model =
+                    Stitched::new(&of_models.set, mapping.inertia).map_err(PipelineError::from)?;
+                let start = model.steady(&condition).map_err(PipelineError::from)?;
+                let point = model.at(speed).map_err(PipelineError::from)?;
+                let plant = from_point(&point, speed)?;
+                let start = Start::from(&start);
+                Ok(Self { craft: Flying::Stitched(Box::new(model)), start, plant })
+            }
+        }
+    }
+}
+
 impl Identify {
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
@@ -124,36 +179,30 @@ impl Identify {
             });
         };
         let settings = self.settings()?;
-        let opened = Opened::read(&self.design, &self.sources, self.run.quiet)?;
+        let quiet = self.run.quiet;
+        let opened = Subject::read(&self.design, &self.sources, &self.models, quiet)?;
         let system = opened.system(self.units);
-        let (loaded, schedule) = (&opened.loaded, &opened.schedule);
+        let schedule = load_schedule(&self.design)?;
         let table = schedule.law().map_err(|error| CliError::Usage {
             message: error.to_string(),
             help: "a schedule is written by `coaxdesign tune-gains -o DIR`".into(),
         })?;
-        let vehicle = Vehicle::new(&loaded.problem)?;
-        let condition = FlightCondition::level(speed);
-        let mut found = sweep(&vehicle, &[condition], &TrimOptions::default(), |_| {});
-        let Some(Ok(start)) = found.points.pop().map(|point| point.into_converged()) else {
-            return Err(CliError::Missed("no trim to start from".into()));
-        };
-        let full = averaged(&vehicle, &start, &linearize::Options::default())?;
-        let plant = from_state_space(&full, speed, airframe(start.point()))?;
-        let frequency = FrequencyModel::new(&plant, schedule.hardware, 0.0)
+        let flown = Flown::new(&opened, speed)?;
+        let (airframe, start, plant) = (flown.craft.airframe(), &flown.start, &flown.plant);
+        let options = Options::new(schedule.hardware, opened.specification().pitch_rate_limit);
+        let frequency = FrequencyModel::new(plant, airframe.hardware(&options), 0.0)
             .map_err(|error| CliError::Missed(error.to_string()))?;
         // Measured with the outer loops open.
         let linear = LawLoop::new(&table, speed, false);
         let model = PlantLoop::new(&frequency, &linear);
         let law = Autopilot { table, stick_limits: schedule.stick_limits };
-        let options =
-            Options::new(schedule.hardware, opened.requirements.specification.pitch_rate_limit);
         if self.steps {
             let channels = steps::channels(&law.table, speed);
-            let list = steps::compare(&vehicle, &start, &plant, &law, &options, &channels)
+            let list = steps::compare(airframe, start, plant, &law, &options, &channels)
                 .map_err(|error| CliError::Missed(error.to_string()))?;
             return self.show_steps(&opened, &list, speed);
         }
-        let measured = measure_axes(&vehicle, &start, &law, &options, &settings, &Axis::ALL)
+        let measured = measure_axes(airframe, start, &law, &options, &settings, &Axis::ALL)
             .map_err(|error| CliError::Missed(error.to_string()))?;
         let mut pairs: Vec<Pair> = measured.iter().flat_map(|m| pairs(m, &model)).collect();
         let records: Vec<Record> = measured.iter().map(|m| m.record.clone()).collect();
@@ -205,7 +254,7 @@ impl Identify {
 
     fn show_steps(
         &self,
-        opened: &Opened,
+        opened: &Subject,
         list: &[SmallStep],
         speed: f64,
     ) -> Result<Outcome, CliError> {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::args::{Format, FormatArgs, ModelsArgs, ProblemArgs, RunArgs, UnitsArgs};
-use super::designs::{Chosen, lock};
+use super::designs::{Chosen, lock, write_models};
 use super::watch::Watch;
 use super::{CliError, Outcome, output};
 use coaxdesign::control::axis::{Axis, Channel};
@@ -18,6 +18,8 @@ use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::Specification;
 use coaxdesign::control::tuning::{DRIFT_GROWTH, Price, TuningStats};
 use coaxdesign::control::verify::{Authority, Fading, NotRequired, Verdict, Verification};
+use coaxdesign::lti::LtiSet;
+use coaxdesign::pipeline::directory::ModelInputs;
 use coaxdesign::pipeline::{
     PRICE_SHOWN, Requirements, TuneOptions, Tuned, Verified, tune, tune_models,
     verification_document,
@@ -147,13 +149,37 @@ impl Tune {
         options
     }
 
+    /// The specification; and the set of models with the path that named it:
+    /// that of the arguments, else that of the design in -o.
+    fn models(&self, quiet: bool) -> Result<(Requirements, Option<(LtiSet, PathBuf)>), CliError> {
+        let kept = match &self.output {
+            Some(directory) if self.models.models.is_none() && self.problem.file.is_none() => {
+                ModelInputs::read(directory)?
+            }
+            _ => None,
+        };
+        if let Some(kept) = kept {
+            let origin = kept.note.aircraft.problem.origin.clone();
+            let own = if self.spec.is_given() {
+                self.spec.load()?
+            } else {
+                let name = kept.note.specification.origin.clone();
+                self.spec.reduced(Requirements { name, ..kept.requirements })
+            };
+            return Ok((own, Some((kept.set, origin.into()))));
+        }
+        let own = self.spec.load()?;
+        let mapping = &own.specification.models_from;
+        let set = self.models.load(&self.problem, mapping, &own.name, quiet)?;
+        let named = self.models.models.clone().or_else(|| mapping.path.clone()).unwrap_or_default();
+        Ok((own, set.map(|set| (set, named))))
+    }
+
     pub(super) fn run(self) -> Result<Outcome, CliError> {
         self.run.start()?;
         let _lock = self.output.as_deref().map(lock).transpose()?;
-        let own = self.spec.load()?;
-        let mapping = &own.specification.models_from;
         let quiet = self.run.quiet;
-        let set = self.models.load(&self.problem, mapping, &own.name, quiet)?;
+        let (own, set) = self.models(quiet)?;
         let chosen = match &set {
             Some(_) => None,
             None => Some(Chosen::new(&self.problem, &self.spec, self.output.as_deref(), quiet)?),
@@ -175,7 +201,7 @@ impl Tune {
         };
         let watch = Watch::new(self.run.quiet);
         let tuned = match (&set, &chosen) {
-            (Some(set), _) => tune_models(set, requirements, &options, &watch)?,
+            (Some((set, _)), _) => tune_models(set, requirements, &options, &watch)?,
             (None, Some(chosen)) => tune(&chosen.loaded, requirements, &options, &watch)?,
             (None, None) => {
                 return Err(CliError::Internal("there is neither aircraft nor model".into()));
@@ -204,8 +230,13 @@ impl Tune {
                     note.options = self.options();
                     chosen.write(&paths.directory, &note, files, self.force)?;
                 }
-                // Models from elsewhere are no aircraft that could be kept.
-                None => output::write_set(&paths.directory, &files, self.force)?,
+                None => {
+                    if let Some((set, origin)) = &set {
+                        let options = self.options();
+                        let directory = &paths.directory;
+                        write_models(directory, set, origin, &own, options, files, self.force)?;
+                    }
+                }
             }
         }
         match self.format.shown() {

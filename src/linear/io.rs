@@ -57,6 +57,8 @@ struct ModelFile {
     d: Vec<Vec<f64>>,
     x0: Option<Vec<f64>>,
     u0: Option<Vec<f64>>,
+    u_min: Option<Vec<f64>>,
+    u_max: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -177,15 +179,31 @@ fn write_model(out: &mut String, record: &ModelRecord, system: System, indent: &
         write_list(out, indent, key, &rows_text(x, indent));
     }
     if let Some(trim) = &record.trim {
-        for (key, values, list) in
-            [("x0", &trim.states, m.states()), ("u0", &trim.inputs, m.inputs())]
-        {
+        for (key, values, list) in trim_lists(trim, m) {
             let shown: Vec<String> =
-                shown_values(values, list, system).into_iter().map(number).collect();
+                shown_values(&values, list, system).into_iter().map(number).collect();
             let _ = write!(out, ",\n{indent}  \"{key}\": [{}]", shown.join(", "));
         }
     }
     let _ = write!(out, "\n{indent}}}");
+}
+
+/// What is written of a trim: x0, u0, and the limits of the inputs where they
+/// are known.
+fn trim_lists<'a>(
+    trim: &TrimValues,
+    model: &'a StateSpace,
+) -> Vec<(&'static str, Vec<f64>, &'a [Channel])> {
+    let mut lists = vec![
+        ("x0", trim.states.clone(), model.states()),
+        ("u0", trim.inputs.clone(), model.inputs()),
+    ];
+    if trim.limits.len() == trim.inputs.len() {
+        for (k, name) in ["u_min", "u_max"].into_iter().enumerate() {
+            lists.push((name, trim.limits.iter().map(|l| l[k]).collect(), model.inputs()));
+        }
+    }
+    lists
 }
 
 /// Values of channels in the units that people read.
@@ -259,7 +277,17 @@ fn record_of(file: ModelFile) -> Result<ModelRecord, LinearError> {
     };
     let trim = match (values("x0", &file.x0, &file.states)?, values("u0", &file.u0, &file.inputs)?)
     {
-        (Some(states), Some(inputs)) => Some(TrimValues { states, inputs }),
+        (Some(states), Some(inputs)) => {
+            let ends = (
+                values("u_min", &file.u_min, &file.inputs)?,
+                values("u_max", &file.u_max, &file.inputs)?,
+            );
+            let limits = match ends {
+                (Some(low), Some(high)) => low.into_iter().zip(high).map(|(a, b)| [a, b]).collect(),
+                _ => Vec::new(),
+            };
+            Some(TrimValues { states, inputs, limits })
+        }
         _ => None,
     };
     Ok(ModelRecord {
@@ -438,7 +466,7 @@ pub fn periodic_to_mat(
 
 /// A model as CSV, one entry a line: matrix, row and column with their units,
 /// value. An entry has the row's unit per column's unit; rows of A and B are
-/// rates and have a further 1/s. The trim follows as matrices `x0` and `u0`
+/// rates and have a further 1/s. The trim follows as matrices `x0`, `u0`, `u_min` and `u_max`
 /// without a column.
 ///
 /// # Errors
@@ -475,10 +503,8 @@ pub fn to_csv(record: &ModelRecord, system: System) -> Result<String, LinearErro
         }
     }
     if let Some(trim) = &record.trim {
-        for (label, values, list) in
-            [("x0", &trim.states, m.states()), ("u0", &trim.inputs, m.inputs())]
-        {
-            for (value, channel) in shown_values(values, list, system).into_iter().zip(list) {
+        for (label, values, list) in trim_lists(trim, m) {
+            for (value, channel) in shown_values(&values, list, system).into_iter().zip(list) {
                 writer
                     .write_record([
                         speed.as_str(),
@@ -622,6 +648,13 @@ impl MatFile {
         self.array("x0", &[model.states().len(), trims.len()], &x0);
         let u0 = columns(|t| &t.inputs, model.inputs());
         self.array("u0", &[model.inputs().len(), trims.len()], &u0);
+        if trims[0].limits.len() == model.inputs().len() {
+            for (k, name) in ["u_min", "u_max"].into_iter().enumerate() {
+                let ends: Vec<f64> = trims[0].limits.iter().map(|l| l[k]).collect();
+                let shown = shown_values(&ends, model.inputs(), system);
+                self.array(name, &[shown.len(), 1], &shown);
+            }
+        }
     }
 
     /// Names and units of states, inputs and outputs.
@@ -754,6 +787,7 @@ mod tests {
         let trim = TrimValues {
             states: vec![36.0, 0.0, -2.35, 0.0, 0.0, 0.0, 0.01, -0.0653],
             inputs: vec![50.0, 55.0, 40.0, 48.0],
+            limits: vec![[0.0, 100.0], [-50.0, 50.0], [0.0, 100.0], [-30.0, 40.0]],
         };
         let with = ModelRecord { trim: Some(trim.clone()), ..record() };
         assert_eq!(from_json(&to_json(&with, System::Si)).unwrap(), with);

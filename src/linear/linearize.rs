@@ -77,9 +77,16 @@ pub fn trim_values(
             effectors.get(place).copied()
         }
     };
+    // Limits of blade controls are not those of one input each: theirs are left
+    // out.
+    let limits = |c: &Channel| {
+        let stick = STICKS.iter().position(|name| *name == c.name)?;
+        Some(vehicle.controls.stick_limits[stick])
+    };
     Some(TrimValues {
         states: model.states().iter().map(state).collect::<Option<_>>()?,
         inputs: model.inputs().iter().map(input).collect::<Option<_>>()?,
+        limits: model.inputs().iter().map(limits).collect::<Option<_>>().unwrap_or_default(),
     })
 }
 

@@ -27,6 +27,8 @@ pub struct TrimValues {
     pub states: Vec<f64>,
     /// u₀.
     pub inputs: Vec<f64>,
+    /// Limits of the inputs; empty where they are not known.
+    pub limits: Vec<[f64; 2]>,
 }
 
 /// Models with the same channels at increasing speeds.

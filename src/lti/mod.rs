@@ -73,8 +73,15 @@ pub struct LtiSet {
     pub hardware_included: bool,
     /// What was done to the models that their owner should know.
     pub notes: Vec<String>,
-    /// Texts of the files, for a hash.
+    /// Least and greatest position of lat, lon, col, ped, %: 0 to 100 where the
+    /// set does not say it.
+    pub stick_limits: [[f64; 2]; 4],
+    /// Texts of the files, for a hash; of a MAT file a character a byte.
     pub texts: Vec<String>,
+    /// Names of the files, without their directory.
+    pub files: Vec<String>,
+    /// Whether the set is a directory of files.
+    pub is_directory: bool,
 }
 
 impl LtiSet {
@@ -82,6 +89,21 @@ impl LtiSet {
     #[must_use]
     pub fn speeds(&self) -> Vec<f64> {
         self.models.iter().map(|m| m.speed).collect()
+    }
+
+    /// Names and bytes of the files, as they were read.
+    #[must_use]
+    pub fn contents(&self) -> Vec<(String, Vec<u8>)> {
+        let bytes = |(name, text): (&String, &String)| {
+            let binary = name.to_lowercase().ends_with(".mat");
+            let bytes = if binary {
+                text.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?')).collect()
+            } else {
+                text.clone().into_bytes()
+            };
+            (name.clone(), bytes)
+        };
+        self.files.iter().zip(&self.texts).map(bytes).collect()
     }
 
     /// The model at a speed of the set, m/s.

@@ -22,6 +22,8 @@ pub(super) struct RawChannel {
     pub trim: Option<f64>,
     /// s.
     pub delay: f64,
+    /// Least and greatest value in that unit.
+    pub limits: [Option<f64>; 2],
 }
 
 /// A model as the file has it.
@@ -51,6 +53,9 @@ pub(super) struct RawSet {
     pub models: Vec<RawModel>,
     pub hardware_included: Option<bool>,
     pub texts: Vec<String>,
+    /// Names of the files, without their directory.
+    pub files: Vec<String>,
+    pub is_directory: bool,
 }
 
 /// Most states, inputs or outputs that a file may have.
@@ -125,13 +130,14 @@ fn directory(path: &Path, mapping: &Mapping) -> Result<RawSet, Report> {
         .filter(|file| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")))
         .collect();
     files.sort();
-    let mut set = RawSet::default();
+    let mut set = RawSet { is_directory: true, ..RawSet::default() };
     let mut findings = Vec::new();
     for file in files {
         match text_of(&file).and_then(|text| csv_file(&file.display().to_string(), text, mapping)) {
             Ok(one) => {
                 set.models.extend(one.models);
                 set.texts.extend(one.texts);
+                set.files.extend(one.files);
                 if set.name.is_empty() {
                     set.name = one.name;
                 }
@@ -149,6 +155,10 @@ fn directory(path: &Path, mapping: &Mapping) -> Result<RawSet, Report> {
         set.name = path.file_name().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     }
     Ok(set)
+}
+
+fn file_name(file: &str) -> String {
+    Path::new(file).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
 fn place_of(index: usize, speed: f64) -> String {
@@ -203,6 +213,8 @@ struct ModelFile {
     d: Option<Vec<Vec<f64>>>,
     x0: Option<Vec<f64>>,
     u0: Option<Vec<f64>>,
+    u_min: Option<Vec<f64>>,
+    u_max: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -268,6 +280,7 @@ fn json(file: &str, text: String) -> Result<RawSet, Report> {
         name: whole.name.clone().unwrap_or_default(),
         hardware_included,
         texts: vec![text],
+        files: vec![file_name(file)],
         ..RawSet::default()
     };
     let mut findings = Vec::new();
@@ -319,11 +332,25 @@ fn json_model(
                 unit: c.unit,
                 trim: trim.as_ref().map(|t| t[k]),
                 delay: c.delay_s.unwrap_or(0.0),
+                limits: [None; 2],
             })
             .collect::<Vec<_>>())
     };
     let states = channels(&model.states, &whole.states, &model.x0, "state")?;
-    let inputs = channels(&model.inputs, &whole.inputs, &model.u0, "input")?;
+    let mut inputs = channels(&model.inputs, &whole.inputs, &model.u0, "input")?;
+    for (k, (key, ends)) in
+        [("u_min", &model.u_min), ("u_max", &model.u_max)].into_iter().enumerate()
+    {
+        let Some(ends) = ends else { continue };
+        if ends.len() != inputs.len() {
+            let message =
+                format!("{} values of {key} stand beside {} inputs", ends.len(), inputs.len());
+            return Err(one(file, &place, message, "give it in the order of the inputs"));
+        }
+        for (input, end) in inputs.iter_mut().zip(ends) {
+            input.limits[k] = Some(*end);
+        }
+    }
     let outputs = channels(&model.outputs, &whole.outputs, &None, "output")?;
     let (n, m, p) = (states.len(), inputs.len(), outputs.len());
     let matrix = |key: &str, rows: &[Vec<f64>], row_count: usize, column_count: usize| {
@@ -421,6 +448,7 @@ fn matlab(file: &str, bytes: &[u8]) -> Result<RawSet, Report> {
     let mut set = RawSet {
         // The matrices as numbers stand for the text of the file.
         texts: vec![bytes.iter().map(|b| char::from(*b)).collect()],
+        files: vec![file_name(file)],
         ..RawSet::default()
     };
     if let Some(Variable::Text(name)) = field(&variables, &["name"]) {
@@ -530,6 +558,7 @@ fn mat_models<'a>(
                     unit: units.as_ref().and_then(|u| u.get(i).cloned()).filter(|u| !u.is_empty()),
                     trim: None,
                     delay: delays[i],
+                    limits: [None; 2],
                 })
                 .collect::<Vec<_>>())
         };
@@ -547,6 +576,20 @@ fn mat_models<'a>(
             if let Some(trims) = trims {
                 for (i, channel) in list.iter_mut().enumerate() {
                     channel.trim = Some(trims[(i, k)]);
+                }
+            }
+        }
+        for (end, name) in ["u_min", "u_max"].into_iter().enumerate() {
+            match look(&[name]) {
+                None => {}
+                Some(Variable::Numbers { values, .. }) if values.len() == m => {
+                    for (input, value) in inputs.iter_mut().zip(values) {
+                        input.limits[end] = Some(*value);
+                    }
+                }
+                Some(_) => {
+                    let message = format!("{name} has not {m} values, one an input");
+                    return Err(wrong(name, message, "give it in the order of the inputs"));
                 }
             }
         }
@@ -656,6 +699,7 @@ fn csv_file(file: &str, text: String, mapping: &Mapping) -> Result<RawSet, Repor
         model.hardware_included = hardware_included;
     }
     set.texts.push(text);
+    set.files.push(file_name(file));
     Ok(set)
 }
 
@@ -682,10 +726,11 @@ fn csv_number(file: &str, line: usize, place: &str, text: &str) -> Result<f64, R
 }
 
 /// Rows of a table that are no equations.
-const SPECIAL: [&str; 3] = ["unit", "trim", "delay"];
+const SPECIAL: [&str; 5] = ["unit", "trim", "delay", "least", "greatest"];
 
 /// A derivative table as papers print it: a column a state and an input, a row
-/// an equation. Rows named `unit`, `trim` and `delay` say these of the columns.
+/// an equation. Rows named `unit`, `trim`, `delay`, `least` and `greatest` say
+/// these of the columns.
 /// A row whose name is that of a column is the equation of that state, any
 /// other row an output.
 fn table_form(
@@ -771,7 +816,8 @@ fn table_form(
             _ => 0.0,
         };
         let unit = cell("unit").map(|(_, u)| u.clone()).filter(|u| !u.is_empty());
-        Ok(RawChannel { unit, trim: number("trim")?, delay, name })
+        let limits = [number("least")?, number("greatest")?];
+        Ok(RawChannel { unit, trim: number("trim")?, delay, name, limits })
     };
     let states = state_columns.iter().map(|k| channel(*k)).collect::<Result<Vec<_>, _>>()?;
     let inputs = input_columns.iter().map(|k| channel(*k)).collect::<Result<Vec<_>, _>>()?;
@@ -816,8 +862,7 @@ fn table_form(
         outputs.push(RawChannel {
             name: entry.1[0].clone(),
             unit: unit_column.then(|| entry.1[1].clone()).filter(|u| !u.is_empty()),
-            trim: None,
-            delay: 0.0,
+            ..RawChannel::default()
         });
         for (j, value) in values(entry, &state_columns)?.into_iter().enumerate() {
             c[(i, j)] = value;
@@ -843,17 +888,26 @@ fn table_form(
 }
 
 /// Every entry on a line of its own: `speed_kt,matrix,row,row_unit,column,
-/// column_unit,value`; trims as matrices `x0` and `u0` without a column.
+/// column_unit,value`; trims as matrices `x0` and `u0`, and limits of the inputs
+/// as `u_min` and `u_max`, without a column.
 fn long_form(file: &str, lines: &[(usize, Vec<String>)]) -> Result<Vec<RawModel>, Report> {
     struct Part {
         speed: f64,
         channels: [Vec<RawChannel>; 3],
         entries: Vec<(usize, usize, usize, f64)>,
     }
-    const MATRICES: [&str; 6] = ["A", "B", "C", "D", "x0", "u0"];
+    const MATRICES: [&str; 8] = ["A", "B", "C", "D", "x0", "u0", "u_min", "u_max"];
     // Roles of rows and columns: 0 states, 1 inputs, 2 outputs.
-    const ROLES: [(usize, Option<usize>); 6] =
-        [(0, Some(0)), (0, Some(1)), (2, Some(0)), (2, Some(1)), (0, None), (1, None)];
+    const ROLES: [(usize, Option<usize>); 8] = [
+        (0, Some(0)),
+        (0, Some(1)),
+        (2, Some(0)),
+        (2, Some(1)),
+        (0, None),
+        (1, None),
+        (1, None),
+        (1, None),
+    ];
     let mut parts: Vec<Part> = Vec::new();
     for (line, cells) in lines {
         if cells.len() != 7 {
@@ -890,7 +944,14 @@ fn long_form(file: &str, lines: &[(usize, Vec<String>)]) -> Result<Vec<RawModel>
                 let column = channel(role, &cells[4], &cells[5]);
                 part.entries.push((matrix, row, column, value));
             }
-            None => part.channels[row_role][row].trim = Some(value),
+            None => {
+                let channel = &mut part.channels[row_role][row];
+                match MATRICES[matrix] {
+                    "u_min" => channel.limits[0] = Some(value),
+                    "u_max" => channel.limits[1] = Some(value),
+                    _ => channel.trim = Some(value),
+                }
+            }
         }
     }
     Ok(parts

@@ -30,6 +30,8 @@ const SLOW: f64 = 0.7;
 const UNSTABLE: f64 = 1e-3;
 /// Controllability below this: the mode cannot be moved.
 const CANCELLED: f64 = 1e-9;
+/// Limits of a stick that the set gives none of, %.
+const WHOLE_TRAVEL: [f64; 2] = [0.0, 100.0];
 /// Highest frequency at which a delay is to be right, rad/s.
 const DELAY_FREQUENCY: f64 = 60.0;
 /// Largest delay that is read, s.
@@ -62,15 +64,30 @@ pub(super) fn resolve(raw: RawSet, mapping: &Mapping) -> Result<LtiSet, Report> 
     let mut notes = Vec::new();
     let mut models = Vec::new();
     let mut kept: Option<Vec<String>> = None;
+    let mut limits: Option<[[f64; 2]; 4]> = None;
     for model in &raw.models {
         let mut work = Work { raw: model, mapping, findings: Vec::new(), notes: &mut notes };
         match work.point(kept.as_deref()) {
             Some(point) if work.findings.is_empty() => {
                 if kept.is_none() {
-                    let names = point.model.states()[RIGID..].iter().map(|c| c.name.clone());
+                    let names = point.0.model.states()[RIGID..].iter().map(|c| c.name.clone());
                     kept = Some(names.collect());
                 }
-                models.push(point);
+                match limits {
+                    None => limits = Some(point.1),
+                    Some(before) if before == point.1 => {}
+                    Some(before) => {
+                        let stick = (0..4).find(|k| before[*k] != point.1[*k]).unwrap_or(0);
+                        let ([a, b], [c, d]) = (before[stick], point.1[stick]);
+                        let message = format!(
+                            "{} reaches from {c} to {d} %, in the first model from {a} to {b} %",
+                            STICKS[stick]
+                        );
+                        let help = "a stick has the same limits in all models";
+                        findings.push(finding(&model.file, &model.place, message, help.into()));
+                    }
+                }
+                models.push(point.0);
             }
             _ => findings.append(&mut work.findings),
         }
@@ -84,7 +101,10 @@ pub(super) fn resolve(raw: RawSet, mapping: &Mapping) -> Result<LtiSet, Report> 
         models,
         hardware_included: mapping.hardware_included.or(stated).unwrap_or(false),
         notes,
+        stick_limits: limits.unwrap_or([WHOLE_TRAVEL; 4]),
         texts: raw.texts,
+        files: raw.files,
+        is_directory: raw.is_directory,
     })
 }
 
@@ -116,6 +136,8 @@ struct Scaled {
     x0: Vec<Option<f64>>,
     /// Trim of the sticks, %.
     u0: [Option<f64>; 4],
+    /// Limits of the sticks, %.
+    limits: [[f64; 2]; 4],
 }
 
 impl Work<'_> {
@@ -128,8 +150,8 @@ impl Work<'_> {
         self.findings.push(finding(&self.raw.file, &place, message, help));
     }
 
-    /// The model in our terms; `None` with findings.
-    fn point(&mut self, kept: Option<&[String]>) -> Option<PointModel> {
+    /// The model in our terms, and the limits of the sticks; `None` with findings.
+    fn point(&mut self, kept: Option<&[String]>) -> Option<(PointModel, [[f64; 2]; 4])> {
         self.finite();
         let sources: Vec<Option<Source>> = (0..RIGID).map(|k| self.source(k)).collect();
         let inputs: Vec<Option<(usize, f64)>> = (0..STICKS.len()).map(|k| self.stick(k)).collect();
@@ -139,9 +161,10 @@ impl Work<'_> {
         let sources: Vec<Source> = sources.into_iter().flatten().collect();
         let inputs: Vec<(usize, f64)> = inputs.into_iter().flatten().collect();
         let mut scaled = self.scaled(&sources, &inputs)?;
+        let limits = scaled.limits;
         self.fill_kinematics(&sources, &mut scaled);
         let (model, inner_trim, rigid_trim) = self.rigid_first(&sources, scaled, kept)?;
-        let trim = self.trim(&model, &rigid_trim.0, &rigid_trim.1)?;
+        let trim = self.trim(&model, &rigid_trim.0, &rigid_trim.1, &limits)?;
         let model = self.constructed(&sources, model, &trim)?;
         self.plausible(&sources, &model, &trim);
         let model = self.without_integrators(model)?;
@@ -152,14 +175,15 @@ impl Work<'_> {
         self.reachable(&model);
         let (model, measured, inner_trim) =
             self.delayed(model, &sources, &inputs, inner_trim, &trim)?;
-        self.findings.is_empty().then(|| PointModel {
+        let point = PointModel {
             label: format!("{}, {}", self.raw.file, self.raw.place),
             speed: self.raw.speed,
             model,
             measured,
             trim,
             inner_trim,
-        })
+        };
+        self.findings.is_empty().then_some((point, limits))
     }
 
     /// Every entry of every matrix is a number.
@@ -316,6 +340,7 @@ impl Work<'_> {
         }
         let mut sizes = Vec::new();
         let mut u0 = [None; 4];
+        let mut limits = [WHOLE_TRAVEL; 4];
         for (k, (i, sign)) in inputs.iter().enumerate() {
             let channel = &raw.inputs[*i];
             let ours = RIGID + k;
@@ -327,7 +352,21 @@ impl Work<'_> {
                     // Other units count from the middle, the collective's from
                     // full down.
                     let zero = if percent || STICKS[k] == "col" { 0.0 } else { 50.0 };
-                    u0[k] = channel.trim.map(|x| zero + x * size * sign);
+                    let percent = |x: f64| zero + x * size * sign;
+                    u0[k] = channel.trim.map(percent);
+                    let ends = channel.limits.map(|end| end.map(percent));
+                    let [low, high] = if *sign < 0.0 { [ends[1], ends[0]] } else { ends };
+                    for (limit, end) in limits[k].iter_mut().zip([low, high]) {
+                        *limit = end.unwrap_or(*limit);
+                    }
+                    let [low, high] = limits[k];
+                    // Written so that what is no number fails too.
+                    if !(low < high && low.is_finite() && high.is_finite()) {
+                        let name = channel.name.clone();
+                        let message = format!("its limits are {low} and {high} %");
+                        let help = "give a least position below the greatest";
+                        self.wrong(&name, message, help.into());
+                    }
                     sizes.push(size * sign);
                 }
                 Err((message, help)) => {
@@ -362,6 +401,7 @@ impl Work<'_> {
             d: pick(&raw.d, &h),
             x0: raw.states.iter().zip(&f).map(|(c, size)| c.trim.map(|x| x * size)).collect(),
             u0,
+            limits,
             states: states.into_iter().map(|s| s.0).collect(),
             outputs: outputs.into_iter().map(|s| s.0).collect(),
         })
@@ -517,6 +557,7 @@ impl Work<'_> {
         model: &StateSpace,
         x0: &[Option<f64>; 8],
         u0: &[Option<f64>; 4],
+        limits: &[[f64; 2]; 4],
     ) -> Option<Trim> {
         let speed = self.raw.speed;
         let missing: Vec<&str> = [0, 1, 2, PHI, THETA]
@@ -525,6 +566,8 @@ impl Work<'_> {
             .map(|k| NAMES[k])
             .chain(u0.iter().zip(STICKS).filter(|(x, _)| x.is_none()).map(|(_, name)| name))
             .collect();
+        let middle = |k: usize| 0.5 * (limits[k][0] + limits[k][1]);
+        let sticks = std::array::from_fn(|k| u0[k].unwrap_or_else(|| middle(k)));
         let trim = if missing.is_empty() {
             let of = |k: usize| x0[k].unwrap_or(0.0);
             Trim {
@@ -532,7 +575,7 @@ impl Work<'_> {
                 rates: [of(P), of(Q), of(R)],
                 roll: of(PHI),
                 pitch: of(THETA),
-                sticks: u0.map(|x| x.unwrap_or(50.0)),
+                sticks,
             }
         } else if self.mapping.missing_trim == MissingTrim::LevelFlight {
             let entry = |row: &str, column: &str| model.derivative(row, column).unwrap_or(0.0);
@@ -555,7 +598,7 @@ impl Work<'_> {
                 rates: [P, Q, R].map(|k| x0[k].unwrap_or(0.0)),
                 roll,
                 pitch,
-                sticks: u0.map(|x| x.unwrap_or(50.0)),
+                sticks,
             }
         } else {
             let message = format!("the trim does not say {}", missing.join(", "));
@@ -576,9 +619,15 @@ impl Work<'_> {
             self.wrong("trim", message, help.into());
         }
         for (k, percent) in trim.sticks.iter().enumerate() {
-            if !(-1e-9..=100.0 + 1e-9).contains(percent) {
-                let message = format!("{} is at {percent:.1} % of its travel", STICKS[k]);
-                let help = "trim values are totals: 0 to 100 %, or the stick's travel in its unit";
+            let [low, high] = limits[k];
+            if !(low - 1e-9..=high + 1e-9).contains(percent) {
+                let message = format!(
+                    "{} is at {percent:.1} %, but it reaches from {low} to {high} %",
+                    STICKS[k]
+                );
+                let help = "trim values are totals, in % of the travel or in the stick's unit; a \
+                            stick that does not reach from 0 to 100 % needs its limits (u_min and \
+                            u_max, or rows least and greatest)";
                 self.wrong("trim", message, help.into());
             }
         }

@@ -65,6 +65,8 @@ pub fn set_schema() -> Value {
             "d": matrix("feed-through matrix by rows; zero where it is left out"),
             "x0": values("trim values of the states, totals"),
             "u0": values("trim values of the inputs, totals"),
+            "u_min": values("least values of the inputs; 0 % for sticks where it is left out"),
+            "u_max": values("greatest values of the inputs; 100 % for sticks where it is left out"),
         },
         "required": ["a", "b"],
         "oneOf": [{ "required": ["speed_kt"] }, { "required": ["speed"] }],

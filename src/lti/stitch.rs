@@ -175,6 +175,8 @@ pub struct Stitched {
     pub measured: [usize; RIGID],
     /// Whether actuators, delays and sensors are in it.
     pub hardware_included: bool,
+    /// Least and greatest position of lat, lon, col, ped, %.
+    pub stick_limits: [[f64; 2]; 4],
     /// What was moved to make trims and derivatives fit, one a model.
     pub consistency: Vec<Consistency>,
     /// What was done that the owner of the set should know.
@@ -315,6 +317,7 @@ impl Stitched {
             name: set.name.clone(),
             measured: models[0].measured,
             hardware_included: set.hardware_included,
+            stick_limits: set.stick_limits,
             states,
             consistency,
             notes,

@@ -4,7 +4,8 @@
 //! ```text
 //! DIR/
 //!   design.json          this note: what made the design, stages, hashes
-//!   problem/...          problem file with its bases and tables, as they were
+//!   problem/...          problem file with its bases and tables, as they were; or
+//!   models/...           the set of linear models, as it was
 //!   specification.toml   the specification, as it was
 //!   maneuvers/...        manoeuvres flown by the pipeline
 //!   schedule.json        what flies
@@ -20,7 +21,8 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::requirements::{Requirements, problem_hash};
+use super::requirements::{Requirements, models_hash, problem_hash};
+use crate::lti::{self, LtiSet};
 use crate::problem::{self, Loaded, Report};
 use crate::schedule::hash;
 use crate::units::System;
@@ -31,6 +33,8 @@ pub const SCHEMA: &str = "coaxdesign.design/2";
 pub const NOTE: &str = "design.json";
 /// Folder of the problem's files.
 const PROBLEM: &str = "problem";
+/// Folder of the set of linear models.
+const MODELS: &str = "models";
 /// The specification.
 const SPECIFICATION: &str = "specification.toml";
 /// Folder of the manoeuvres.
@@ -48,18 +52,38 @@ pub struct Part {
     pub hash: String,
 }
 
+/// In which form the aircraft of a design is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// As a problem.
+    #[default]
+    Problem,
+    /// As a set of linear models.
+    Models,
+}
+
+impl Form {
+    fn is_problem(&self) -> bool {
+        *self == Self::Problem
+    }
+}
+
 /// The aircraft of a design.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Aircraft {
-    /// Its name in the problem file.
+    /// Its name in the problem file or the set.
     pub name: String,
-    /// The problem file.
+    /// Whether it is a problem or a set of models.
+    #[serde(default, skip_serializing_if = "Form::is_problem")]
+    pub form: Form,
+    /// The problem file; or the set, a file or a folder.
     pub problem: Part,
     /// Folder that the files were copied from, where they name one another by
     /// absolute paths; else empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub copied_from: String,
-    /// All files of the problem, the problem file first.
+    /// All files of it, the problem file first.
     pub files: Vec<String>,
 }
 
@@ -164,6 +188,14 @@ pub enum DirectoryError {
     /// A file of the design is wrong.
     #[error("{0}")]
     Input(#[from] Report),
+    /// There is no problem in the design.
+    #[error(
+        "{}: the design was made from linear models, not from a problem", path.display()
+    )]
+    OfModels {
+        /// The directory.
+        path: PathBuf,
+    },
     /// A file of the design is not what the design was made from.
     #[error(
         "{}: the file has changed since the design was made: its hash is {found}, the design's \
@@ -214,6 +246,7 @@ impl Note {
             generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
             aircraft: Aircraft {
                 name: aircraft.problem.name.clone(),
+                form: Form::Problem,
                 problem: Part {
                     file: files.first().cloned().unwrap_or_default(),
                     origin,
@@ -235,6 +268,57 @@ impl Note {
             options: BTreeMap::new(),
             stages: BTreeMap::new(),
         }
+    }
+
+    /// A note of a design that was made from linear models, without stages.
+    /// `origin` is the path that named the set.
+    #[must_use]
+    pub fn of_models(set: &LtiSet, origin: &Path, requirements: &Requirements) -> Self {
+        let files: Vec<String> = set.files.iter().map(|name| format!("{MODELS}/{name}")).collect();
+        let file = match files.first() {
+            Some(first) if !set.is_directory => first.clone(),
+            _ => MODELS.into(),
+        };
+        Self {
+            schema: SCHEMA.into(),
+            generator: format!("coaxdesign {}", env!("CARGO_PKG_VERSION")),
+            aircraft: Aircraft {
+                name: set.name.clone(),
+                form: Form::Models,
+                problem: Part {
+                    file,
+                    origin: origin.display().to_string(),
+                    hash: models_hash(set),
+                },
+                copied_from: String::new(),
+                files,
+            },
+            specification: Part {
+                file: SPECIFICATION.into(),
+                origin: requirements.name.clone(),
+                hash: requirements.hash(),
+            },
+            maneuvers: Vec::new(),
+            options: BTreeMap::new(),
+            stages: BTreeMap::new(),
+        }
+    }
+
+    /// Files of a set of models and its specification, by their places in the
+    /// directory.
+    #[must_use]
+    pub fn files_of_models(
+        &self,
+        set: &LtiSet,
+        requirements: &Requirements,
+    ) -> Vec<(String, Vec<u8>)> {
+        let mut files: Vec<(String, Vec<u8>)> = set
+            .contents()
+            .into_iter()
+            .map(|(name, bytes)| (format!("{MODELS}/{name}"), bytes))
+            .collect();
+        files.push((self.specification.file.clone(), requirements.text.clone().into_bytes()));
+        files
     }
 
     /// The note of a directory; `None` where there is none, or one of an
@@ -298,6 +382,9 @@ impl DesignInputs {
     /// changed since the design was made.
     pub fn read(directory: &Path) -> Result<Option<Self>, DirectoryError> {
         let Some(note) = Note::read(directory)? else { return Ok(None) };
+        if note.aircraft.form == Form::Models {
+            return Err(DirectoryError::OfModels { path: directory.into() });
+        }
         let copy = directory.join(PROBLEM);
         let path = directory.join(&note.aircraft.problem.file);
         let aircraft = problem::load_copy(&path, Path::new(&note.aircraft.copied_from), &copy)?;
@@ -306,6 +393,41 @@ impl DesignInputs {
         let requirements = Requirements::load(&path)?;
         same(&path, requirements.hash(), &note.specification.hash)?;
         Ok(Some(Self { note, aircraft, requirements }))
+    }
+}
+
+/// A design that was made from linear models: its note, its set, its
+/// specification.
+#[derive(Debug, Clone)]
+pub struct ModelInputs {
+    /// The note.
+    pub note: Note,
+    /// The set.
+    pub set: LtiSet,
+    /// The specification.
+    pub requirements: Requirements,
+}
+
+impl ModelInputs {
+    /// Reads a design directory; `None` where it holds no set of models.
+    ///
+    /// # Errors
+    /// As [`DesignInputs::read`].
+    pub fn read(directory: &Path) -> Result<Option<Self>, DirectoryError> {
+        let Some(note) = Note::read(directory)? else { return Ok(None) };
+        if note.aircraft.form != Form::Models {
+            return Ok(None);
+        }
+        let path = directory.join(&note.specification.file);
+        let requirements = Requirements::load(&path)?;
+        same(&path, requirements.hash(), &note.specification.hash)?;
+        let path = directory.join(&note.aircraft.problem.file);
+        let mut set = lti::load(&path, &requirements.specification.models_from)?;
+        same(&path, models_hash(&set), &note.aircraft.problem.hash)?;
+        // A set without a name has that of its folder or file, which is another
+        // here.
+        set.name.clone_from(&note.aircraft.name);
+        Ok(Some(Self { note, set, requirements }))
     }
 }
 
@@ -420,6 +542,44 @@ mod tests {
         let error = DesignInputs::read(&moved).unwrap_err().to_string();
         assert!(error.contains(&requirements.hash()) && error.contains(SPECIFICATION), "{error}");
         assert!(DesignInputs::read(home.path()).unwrap().is_none());
+    }
+
+    /// The set of a design goes along with it, in each of its forms.
+    #[test]
+    fn a_design_of_models_moves_without_its_sources() {
+        let home = tempfile::tempdir().unwrap();
+        let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/models/uh60a");
+        let texts: Vec<(String, Vec<u8>)> = std::fs::read_dir(&example)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .map(|path| {
+                let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                (format!("sources/{name}"), std::fs::read(path).unwrap())
+            })
+            .collect();
+        write(home.path(), &texts);
+        let origin = home.path().join("sources");
+        let requirements = Requirements::builtin().unwrap();
+        let set = lti::load(&origin, &requirements.specification.models_from).unwrap();
+        let note = Note::of_models(&set, &origin, &requirements);
+        let mut files = note.files_of_models(&set, &requirements);
+        files.push((NOTE.into(), note.to_json().unwrap().into_bytes()));
+        let made = home.path().join("made");
+        write(&made, &files);
+        std::fs::remove_dir_all(&origin).unwrap();
+        let read = ModelInputs::read(&made).unwrap().unwrap();
+        assert_eq!(read.note, note);
+        assert_eq!((&read.set.name, read.set.speeds()), (&set.name, set.speeds()));
+        assert_eq!(read.set.models[2].model, set.models[2].model);
+        assert_eq!(models_hash(&read.set), models_hash(&set));
+        // It has no problem, and a changed model is said.
+        let error = DesignInputs::read(&made).unwrap_err().to_string();
+        assert!(error.contains("made from linear models"), "{error}");
+        let one = made.join("models/060kt.csv");
+        let text = std::fs::read_to_string(&one).unwrap();
+        std::fs::write(&one, text.replacen("-0.0144", "-0.0145", 1)).unwrap();
+        let error = ModelInputs::read(&made).unwrap_err().to_string();
+        assert!(error.contains("has changed"), "{error}");
     }
 
     #[test]

@@ -106,8 +106,7 @@ pub fn plants(
     Ok(build_until(problem, models, speeds, &|| observer.advance(), &stop)?)
 }
 
-/// Blade controls and commanded rotor speeds of a problem, for the authority
-/// check.
+/// Blade controls, commanded rotor speeds and control surfaces of a problem, for the authority check.
 #[must_use]
 pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
     let c = &problem.controls;
@@ -140,6 +139,15 @@ pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
                 pitch: false,
             });
         }
+    }
+    for (wing, surface) in problem.wings.iter().filter_map(|wing| Some((wing, wing.surface?))) {
+        out.push(BladeControl {
+            name: format!("{} deflection", wing.name),
+            gain: surface.gearing,
+            offset: surface.rigging,
+            limits: surface.limits,
+            pitch: false,
+        });
     }
     out
 }
@@ -238,7 +246,7 @@ impl Subject {
         }
     }
 
-    /// Linear models say nothing of blades: sticks have their whole travel. Of
+    /// Linear models say nothing of blades: sticks have the travel of the set. Of
     /// the set's name the schedule takes what every export can hold.
     fn of_models(set: &LtiSet) -> Self {
         let held = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { ' ' };
@@ -246,7 +254,7 @@ impl Subject {
         let words: Vec<&str> = words.split_whitespace().collect();
         let name: String = words.join(" ").chars().take(LONGEST_NAME).collect();
         let name = if check_name(&name).is_ok() { name } else { "models".into() };
-        Self { name, stick_limits: [[0.0, 100.0]; 4], blades: Vec::new() }
+        Self { name, stick_limits: set.stick_limits, blades: Vec::new() }
     }
 }
 

@@ -203,7 +203,7 @@ impl<'a> Airframe<'a> {
     pub fn stick_limits(&self) -> [[f64; 2]; 4] {
         match self {
             Self::Vehicle(vehicle) => vehicle.controls.stick_limits,
-            Self::Stitched(_) => [[0.0, 100.0]; 4],
+            Self::Stitched(model) => model.stick_limits,
         }
     }
 
@@ -224,10 +224,14 @@ impl<'a> Airframe<'a> {
                             .map(|(i, limits)| (pitch + i, limits)),
                     );
                 }
+                let surfaces = vehicle.wings.iter().zip(&vehicle.layout.deflections);
+                places.extend(
+                    surfaces.filter_map(|(wing, place)| Some(((*place)?, wing.surface?.limits))),
+                );
                 places
             }
             Self::Stitched(model) if model.hardware_included => Vec::new(),
-            Self::Stitched(_) => (0..STICKS.len()).map(|k| (k, [0.0, 100.0])).collect(),
+            Self::Stitched(model) => model.stick_limits.into_iter().enumerate().collect(),
         }
     }
 
@@ -251,12 +255,11 @@ impl<'a> Airframe<'a> {
     }
 
     /// Diameter of the largest rotor, m, over which turbulence is felt as a
-    /// rotation; zero where it is not known.
+    /// rotation; none where it is not known.
     #[must_use]
-    pub fn span(&self) -> f64 {
-        self.vehicle().map_or(0.0, |vehicle| {
-            vehicle.rotors.iter().map(|rotor| 2.0 * rotor.radius).fold(0.0, f64::max)
-        })
+    pub fn span(&self) -> Option<f64> {
+        let vehicle = self.vehicle()?;
+        Some(vehicle.rotors.iter().map(|rotor| 2.0 * rotor.radius).fold(0.0, f64::max))
     }
 
     /// A revolution of the reference rotor, s; zero where nothing turns.

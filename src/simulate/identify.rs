@@ -19,13 +19,12 @@
 //! Nothing of the tuning chain is used: no linear model, no Padé
 //! approximation, no continuous-time law.
 
+use super::airframe::{Airframe, Start};
 use super::flight::{Autopilot, Excitation, Flight, FlightError, Status};
 use super::maneuver::{Input, InputShape, Maneuver, Mode};
 use super::simulator::Options;
 use crate::control::axis::Axis;
 use crate::control::metrics::{self, Bandwidth, Margins, Rejection, Sampled};
-use crate::trim::ConvergedTrim;
-use crate::vehicle::Vehicle;
 use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -397,8 +396,8 @@ pub fn response(
 /// # Errors
 /// Options that make no sense, or a flight that leaves its bounds.
 pub fn measure(
-    vehicle: &Vehicle,
-    start: &ConvergedTrim,
+    airframe: Airframe<'_>,
+    start: &Start,
     law: &Autopilot,
     options: &Options,
     sweep: &Sweep,
@@ -409,7 +408,7 @@ pub fn measure(
     let stick = axis.effector().index();
     let amplitude = match probe {
         Probe::Loop => {
-            let point = law.table.at(start.point().condition.airspeed);
+            let point = law.table.at(start.condition.airspeed);
             let decoupling = point.inversion.decoupling[(stick, axis.index())];
             decoupling.abs() * sweep.acceleration[axis.index()]
         }
@@ -425,7 +424,7 @@ pub fn measure(
         start: 1.0,
         amplitude,
     };
-    let mut flight = Flight::new(vehicle, start, Some(law), &maneuver, options)?;
+    let mut flight = Flight::of(airframe, start, Some(law), &maneuver, options)?;
     flight.excitation = Some(match probe {
         Probe::Loop => Excitation::Stick(input),
         Probe::Sensitivity => Excitation::Output(axis, input),
@@ -480,8 +479,8 @@ pub struct Measured {
 /// # Errors
 /// As [`measure`].
 pub fn measure_axes(
-    vehicle: &Vehicle,
-    start: &ConvergedTrim,
+    airframe: Airframe<'_>,
+    start: &Start,
     law: &Autopilot,
     options: &Options,
     sweep: &Sweep,
@@ -501,7 +500,7 @@ pub fn measure_axes(
         .collect();
     let found: Vec<(Response, Record)> = jobs
         .par_iter()
-        .map(|&(axis, probe)| measure(vehicle, start, law, options, sweep, axis, probe))
+        .map(|&(axis, probe)| measure(airframe, start, law, options, sweep, axis, probe))
         .collect::<Result<_, _>>()?;
     let mut list: Vec<Measured> = Vec::new();
     for ((axis, probe), (response, record)) in jobs.into_iter().zip(found) {
@@ -521,9 +520,9 @@ pub fn measure_axes(
 }
 
 /// Attitude hold from a trim, for as long as a sweep takes.
-fn hold(start: &ConvergedTrim, sweep: &Sweep) -> Maneuver {
+fn hold(start: &Start, sweep: &Sweep) -> Maneuver {
     let duration = 1.0 + sweep.duration + sweep.settling;
-    Maneuver::hold(start.point().condition, Mode::Attitude, duration)
+    Maneuver::hold(start.condition, Mode::Attitude, duration)
 }
 
 #[cfg(test)]

@@ -177,7 +177,13 @@ impl<'a> Simulator<'a> {
         let n = airframe.state_count();
         let mut state = start.state.clone();
         state.extend([options.heading, 0.0, 0.0, -options.height]);
-        let air = Air::new(options.weather.clone(), airframe.span(), options.seed, options.heading);
+        let mut weather = options.weather.clone();
+        if let (Some(turbulence), None) = (&mut weather.turbulence, airframe.span()) {
+            // How turbulence turns an aircraft depends on its span.
+            turbulence.rates = false;
+        }
+        let span = airframe.span().unwrap_or(1.0);
+        let air = Air::new(weather, span, options.seed, options.heading);
         let body = Layout::BODY;
         let mean = &start.mean_state;
         let wind = to_body(air.velocity(), options.heading, state[body.roll], state[body.pitch]);

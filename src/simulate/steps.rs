@@ -8,6 +8,7 @@
 //! From either flight the same flight without the step is taken away, so that
 //! neither the swing with the azimuth nor an initial error counts.
 
+use super::airframe::{Airframe, Start};
 use super::equipment::{Delay, MEASURED, SensorFilter};
 use super::flight::{Autopilot, Flight, FlightError, Status};
 use super::identify::IdentifyError;
@@ -16,8 +17,7 @@ use super::simulator::{Options, Simulator};
 use crate::control::axis::Channel;
 use crate::control::law::{Controller, LawTable, Measurement, earth_velocity};
 use crate::control::plant::Plant;
-use crate::trim::ConvergedTrim;
-use crate::vehicle::{Layout, Vehicle};
+use crate::vehicle::Layout;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -92,8 +92,8 @@ pub fn channels(law: &LawTable, speed: f64) -> Vec<Channel> {
 /// # Errors
 /// Options that make no sense, or a flight that leaves its bounds.
 pub fn compare(
-    vehicle: &Vehicle,
-    start: &ConvergedTrim,
+    airframe: Airframe<'_>,
+    start: &Start,
     plant: &Plant,
     law: &Autopilot,
     options: &Options,
@@ -104,9 +104,9 @@ pub fn compare(
         .map(|&channel| {
             let maneuvers = [size(channel), 0.0].map(|size| maneuver(start, channel, size));
             let [stepped, still] = &maneuvers;
-            let flown = |maneuver: &Maneuver| nonlinear(vehicle, start, law, options, maneuver);
+            let flown = |maneuver: &Maneuver| nonlinear(airframe, start, law, options, maneuver);
             let predicted =
-                |maneuver: &Maneuver| linear(vehicle, start, plant, law, options, maneuver);
+                |maneuver: &Maneuver| linear(airframe, start, plant, law, options, maneuver);
             let change = |stepped: Vec<Measurement>, still: Vec<Measurement>| -> Vec<f64> {
                 let value = |m: &Measurement| commanded(m, channel);
                 stepped.iter().zip(&still).map(|(a, b)| value(a) - value(b)).collect()
@@ -140,16 +140,16 @@ fn commanded(m: &Measurement, channel: Channel) -> f64 {
 }
 
 /// A step of a size in one channel, everything else held.
-fn maneuver(start: &ConvergedTrim, channel: Channel, size: f64) -> Maneuver {
+fn maneuver(start: &Start, channel: Channel, size: f64) -> Maneuver {
     let outer = channel.is_outer();
     // Turning with the bank held would be a skid.
     let mode = if outer || channel == Channel::Yaw { Mode::Velocity } else { Mode::Attitude };
     let duration = START + if outer { OUTER } else { INNER };
-    let mut m = Maneuver::hold(start.point().condition, mode, duration);
+    let mut m = Maneuver::hold(start.condition, mode, duration);
     let step = |from: f64, size: f64| {
         Some(Profile { times: vec![START; 2], values: vec![from, from + size], rounding: 0.0 })
     };
-    let condition = start.point().condition;
+    let condition = start.condition;
     match channel {
         Channel::Roll => m.attitude[0] = step(0.0, size),
         Channel::Pitch => m.attitude[1] = step(0.0, size),
@@ -168,13 +168,13 @@ fn maneuver(start: &ConvergedTrim, channel: Channel, size: f64) -> Maneuver {
 
 /// What is so at every control period of the nonlinear flight, true values.
 fn nonlinear(
-    vehicle: &Vehicle,
-    start: &ConvergedTrim,
+    airframe: Airframe<'_>,
+    start: &Start,
     law: &Autopilot,
     options: &Options,
     maneuver: &Maneuver,
 ) -> Result<Vec<Measurement>, IdentifyError> {
-    let mut flight = Flight::new(vehicle, start, Some(law), maneuver, options)?;
+    let mut flight = Flight::of(airframe, start, Some(law), maneuver, options)?;
     let mut seen = Vec::new();
     let status = flight.fly(|flight| seen.push(truth(flight.simulator.state())));
     match status {
@@ -206,32 +206,31 @@ fn signals(m: &Measurement) -> [f64; MEASURED] {
 
 /// The same on the linear model.
 fn linear(
-    vehicle: &Vehicle,
-    start: &ConvergedTrim,
+    airframe: Airframe<'_>,
+    start: &Start,
     plant: &Plant,
     law: &Autopilot,
     options: &Options,
     maneuver: &Maneuver,
 ) -> Result<Vec<Measurement>, IdentifyError> {
     // Its times are the simulator's.
-    let simulator = Simulator::new(vehicle, start, options).map_err(FlightError::from)?;
+    let simulator = Simulator::of(airframe, start, options).map_err(FlightError::from)?;
     let (period, step) = (simulator.period(), simulator.integration_step());
     let substeps = (period / step).round() as usize;
     let tick = 0.5 * step;
-    let trim = start.point();
-    let mean = truth(&trim.mean_state);
+    let mean = truth(&start.mean_state);
     let (vertical, [forward, right]) = earth_velocity(&mean);
     let held = Held {
         velocity: [forward, right, vertical],
         attitude: [mean.roll, mean.pitch],
-        turn_rate: trim.condition.turn_rate,
+        turn_rate: start.condition.turn_rate,
     };
 
     // States of the model, then positions and rates of actuators at the
     // sticks, as deviations; the command is held over a tick.
     let n = plant.a.nrows();
     let (position, rate, input) = (n, n + 4, n + 8);
-    let hardware = &options.hardware;
+    let hardware = airframe.hardware(options);
     let (w, z) = (hardware.actuator_bandwidth, hardware.actuator_damping);
     let mut m = DMatrix::zeros(n + 12, n + 12);
     m.view_mut((0, 0), (n, n)).copy_from(&plant.a);
@@ -248,11 +247,11 @@ fn linear(
     }
     let mut x = DVector::zeros(n + 12);
     let pure = hardware.delay + options.extra_delay - 0.5 * period;
-    let mut delay = Delay::new(pure, tick, 2 * substeps, trim.sticks);
+    let mut delay = Delay::new(pure, tick, 2 * substeps, start.sticks);
     let mut filter = SensorFilter::new(hardware.sensor_bandwidth, step, signals(&mean));
     let mut controller = Controller::new(law.table.clone(), period, law.stick_limits);
     if let Some(demand) = maneuver.demand(0.0, &held) {
-        controller.engage(&mean, &demand, trim.sticks).map_err(|_| IdentifyError::NotFinite)?;
+        controller.engage(&mean, &demand, start.sticks).map_err(|_| IdentifyError::NotFinite)?;
     }
     let now = |x: &DVector<f64>| {
         let mut state = signals(&mean);
@@ -275,7 +274,7 @@ fn linear(
             for half in 0..2 {
                 let command = delay.at(2 * substep + half);
                 for j in 0..4 {
-                    x[input + j] = command[j] - trim.sticks[j];
+                    x[input + j] = command[j] - start.sticks[j];
                 }
                 x = &transition * x;
             }

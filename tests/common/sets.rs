@@ -12,9 +12,14 @@ pub fn example(name: &str) -> PathBuf {
 }
 
 /// The example of the UH-60A.
+#[allow(dead_code)]
 pub fn uh60a() -> LtiSet {
     load(&example("uh60a"), &Mapping::default()).unwrap_or_else(|r| panic!("{r}"))
 }
+
+/// Limits of the sticks of [`own_set`].
+#[allow(dead_code)]
+pub const OWN_LIMITS: [[f64; 2]; 4] = [[0.0, 100.0], [-5.0, 95.0], [0.0, 110.0], [0.0, 100.0]];
 
 /// The example as a set of our own, with trims.
 #[allow(dead_code)]
@@ -26,6 +31,7 @@ pub fn own_set() -> ModelSet {
         TrimValues {
             states: vec![u, v, w, 0.0, 0.0, 0.0, t.roll, t.pitch],
             inputs: t.sticks.to_vec(),
+            limits: OWN_LIMITS.to_vec(),
         }
     });
     let models = set.models.iter().map(|m| {
