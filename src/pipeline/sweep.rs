@@ -101,7 +101,9 @@ impl SweepPlan {
                 .cases
                 .iter()
                 .flat_map(|case| {
-                    values.iter().map(|value| [case.as_slice(), &[value.clone()]].concat())
+                    values
+                        .iter()
+                        .map(|value| [case.as_slice(), std::slice::from_ref(value)].concat())
                 })
                 .collect();
         }
