@@ -524,6 +524,7 @@ fn wing(cant: f64, dihedral: f64, model: WingModel) -> problem::Wing {
         incidence: 0.0,
         incidence_schedule: None,
         dynamic_pressure: None,
+        surface: None,
         cant,
         dihedral,
         model,
@@ -537,7 +538,7 @@ fn strips(induced_angle: bool) -> WingModel {
 
 fn wing_loads(wing: &problem::Wing, velocity: [f64; 3], rate: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let wing = Wing::new(wing, &ORIGIN, &Air::at(&SEA_LEVEL)).unwrap();
-    let (force, moment) = wing.loads(Vec3(velocity), Vec3(rate), |_| None);
+    let (force, moment) = wing.loads(Vec3(velocity), Vec3(rate), None, |_| None);
     (force.0, moment.0)
 }
 
@@ -679,17 +680,17 @@ fn a_surface_in_the_wake_of_a_fuselage_keeps_a_share_of_its_loads() {
     let built = Wing::new(&attack, &center, &air).unwrap();
     let at = [12.0, 1.0, 2.5];
     let velocity = [0, 1, 2].map(|k| Dual::<3>::variable(at[k], k));
-    let exact = built.loads(Vec3(velocity), Vec3::default(), |_| None).0.0[2];
+    let exact = built.loads(Vec3(velocity), Vec3::default(), None, |_| None).0.0[2];
     for k in 0..3 {
         let side = |by: f64| {
             let mut moved = at;
             moved[k] += by;
-            built.loads(Vec3(moved), Vec3::default(), |_| None).0.0[2]
+            built.loads(Vec3(moved), Vec3::default(), None, |_| None).0.0[2]
         };
         let difference = (side(1e-5) - side(-1e-5)) / 2e-5;
         assert!((exact.d[k] - difference).abs() < 1e-4 * difference.abs().max(1.0), "{k}");
     }
-    let rest = built.loads(Vec3([Dual::<3>::default(); 3]), Vec3::default(), |_| None).0.0;
+    let rest = built.loads(Vec3([Dual::<3>::default(); 3]), Vec3::default(), None, |_| None).0.0;
     assert!(rest.iter().all(|f| f.v == 0.0 && f.d.iter().all(|d| d.is_finite())));
 }
 

@@ -343,6 +343,25 @@ fn wings(problem: &Problem) -> Section {
         })
     });
     section.row("wash", "rotor wash", Kind::Dimensionless, bodies, |body| wash(body.wash));
+    if bodies.iter().any(|body| body.surface.is_some()) {
+        section.row(
+            "effectiveness",
+            "effectiveness of the control surface",
+            Kind::Dimensionless,
+            bodies,
+            |body| body.surface.and_then(|surface| number(surface.effectiveness)),
+        );
+        section.row(
+            "deflection",
+            "deflection for lat, lon, col, ped",
+            Kind::AnglePerPercent,
+            bodies,
+            |body| body.surface.map(|surface| Cell::Numbers(surface.gearing.to_vec())),
+        );
+        section.row("deflection_limits", "limits of the deflection", Kind::Angle, bodies, |body| {
+            body.surface.map(|surface| Cell::Numbers(surface.limits.to_vec()))
+        });
+    }
     section
 }
 

@@ -106,8 +106,7 @@ pub fn plants(
     Ok(build_until(problem, models, speeds, &|| observer.advance(), &stop)?)
 }
 
-/// Blade controls and commanded rotor speeds of a problem, for the authority
-/// check.
+/// Blade controls, commanded rotor speeds and control surfaces of a problem, for the authority check.
 #[must_use]
 pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
     let c = &problem.controls;
@@ -140,6 +139,15 @@ pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
                 pitch: false,
             });
         }
+    }
+    for (wing, surface) in problem.wings.iter().filter_map(|wing| Some((wing, wing.surface?))) {
+        out.push(BladeControl {
+            name: format!("{} deflection", wing.name),
+            gain: surface.gearing,
+            offset: surface.rigging,
+            limits: surface.limits,
+            pitch: false,
+        });
     }
     out
 }

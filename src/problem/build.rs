@@ -711,6 +711,10 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
         Some(behind) => Some(dynamic_pressure(host, behind)?),
         None => None,
     };
+    let surface = match table.table("surface") {
+        Some(surface) => Some(control_surface(surface)?),
+        None => None,
+    };
     Some(Wing {
         name: name.into(),
         aerodynamic_center: position?,
@@ -718,6 +722,7 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
         chord: table.spanwise("chord")?,
         incidence: table.number("incidence")?,
         incidence_schedule,
+        surface,
         cant: table.number("cant")?,
         dihedral: table.number("dihedral")?,
         model: model?,
@@ -748,6 +753,22 @@ fn dynamic_pressure(host: &mut dyn Host, table: &CheckedTable) -> Option<Dynamic
         format!("write as many of both, such as {key} = [\"-20 deg\", \"20 deg\"]"),
     );
     None
+}
+
+fn control_surface(table: &CheckedTable) -> Option<ControlSurface> {
+    let effectiveness = table
+        .number("effectiveness")
+        .or_else(|| table.number("chord_fraction").map(ControlSurface::thin_airfoil))?;
+    let mut gearing = [0.0; 4];
+    for (value, stick) in gearing.iter_mut().zip(STICKS) {
+        *value = table.number(stick)?;
+    }
+    Some(ControlSurface {
+        effectiveness,
+        gearing,
+        rigging: table.number("rigging")?,
+        limits: table.numbers("limits")?,
+    })
 }
 
 fn incidence_schedule(host: &mut dyn Host, table: &CheckedTable) -> Option<IncidenceSchedule> {

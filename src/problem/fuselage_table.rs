@@ -161,10 +161,15 @@ fn plausible(rows: &[([f64; 8], usize)]) -> Vec<TableError> {
             remarks.push(TableError { line: *line, message: message.into(), help: help.into() });
         }
     };
+    // Lift leans forward in body axes: the drag is the force along the flow.
+    let drag = |row: &[f64; 8]| {
+        let ((sa, ca), (sb, cb)) = (row[0].sin_cos(), row[1].sin_cos());
+        -(row[2] * ca * cb + row[3] * sb + row[4] * sa * cb)
+    };
     rule(
-        &|row| row[0].abs() < 0.5 && row[1].abs() < 0.5 && row[2] > 0.0,
-        "the drag is negative: in flow from ahead the force along x pushes forward",
-        "x points forward, so that drag is a negative x",
+        &|row| row[0].abs() < 0.5 && row[1].abs() < 0.5 && drag(row) < 0.0,
+        "the drag is negative: the force along the flow from ahead pushes into the wind",
+        "x points forward, y to starboard and z down, so that drag is a negative x",
     );
     if rows.iter().all(|(row, _)| row[2] == 0.0) {
         rule(
@@ -221,6 +226,11 @@ mod tests {
         let remarks = read(&rows([5.0, -1.0, -1.0, -1.0])).unwrap().remarks;
         assert!(remarks.len() == 1 && remarks[0].line == 2, "{remarks:?}");
         assert!(remarks[0].message.contains("drag is negative"));
+        // Lift of a nose held high points forward, and is no drag.
+        let lifting = format!(
+            "{HEADER}0,0,-1,0,0,0,0,0\n0,9,-1,0,0,0,0,0\n12,0,0.17,0,-18.5,0,0,0\n12,9,-1,0,0,0,0,0\n"
+        );
+        assert_eq!(read(&lifting).unwrap().remarks, []);
         let remarks = read(&rows([0.0; 4])).unwrap().remarks;
         assert!(remarks.len() == 1 && remarks[0].message.contains("no drag"), "{remarks:?}");
     }

@@ -781,6 +781,45 @@ static DYNAMIC_PRESSURE: Table = Table {
     alternatives: &[&["angle_of_attack"], &["sideslip"]],
 };
 
+static CONTROL_SURFACE: Table = Table {
+    doc: "A control surface over the whole span of the wing: a plain flap, an elevator, a rudder, \
+          or with `effectiveness = 1` the wing itself as it turns. Its deflection δ is an effector, \
+          `NAME.deflection`: lift and drag become those of the angle of attack α + τ δ. For a \
+          surface over a part of the span make a wing of that part.",
+    keys: &[
+        optional(
+            "chord_fraction",
+            Value::Number(above_to("0", "1")),
+            "`effectiveness` is given instead",
+            "Chord of the surface behind its hinge over that of the wing. It gives τ by \
+             thin-airfoil theory: 0.609 for a quarter.",
+        ),
+        optional(
+            "effectiveness",
+            Value::Number(above_to("0", "1")),
+            "`chord_fraction` is given instead",
+            "Effectiveness τ: change of the angle of attack from zero lift over the deflection.",
+        ),
+        default("lat", GEARING, "\"0 rad/100%\"", "Deflection from the lateral stick."),
+        default("lon", GEARING, "\"0 rad/100%\"", "Deflection from the longitudinal stick."),
+        default("col", GEARING, "\"0 rad/100%\"", "Deflection from the collective lever."),
+        default("ped", GEARING, "\"0 rad/100%\"", "Deflection from the pedals."),
+        default(
+            "rigging",
+            Value::Quantity(Kind::Angle, PITCH),
+            "\"0 deg\"",
+            "Deflection with every stick at zero, positive with the trailing edge down.",
+        ),
+        default(
+            "limits",
+            Value::Limits(Kind::Angle, PITCH),
+            "[\"-20 deg\", \"20 deg\"]",
+            "Limits on the deflection.",
+        ),
+    ],
+    alternatives: &[&["chord_fraction"], &["effectiveness"]],
+};
+
 static WING: Table = Table {
     doc: "A wing or tail surface: `[wings.NAME]`, with a name of your choice. The wing axes come \
           from the body axes by a rotation about x by `cant`; the span runs along the turned y \
@@ -810,6 +849,12 @@ static WING: Table = Table {
             Value::Table(&INCIDENCE_SCHEDULE),
             "the incidence is fixed",
             "Incidence that follows the airspeed, as of a stabilator. It adds to `incidence`.",
+        ),
+        optional(
+            "surface",
+            Value::Table(&CONTROL_SURFACE),
+            "no stick moves it",
+            "Control surface that the sticks move.",
         ),
         default(
             "cant",

@@ -44,15 +44,24 @@ pub struct Loaded {
 }
 
 /// Names of the built-in problems, the default first.
-pub const BUILTIN: [&str; 7] =
-    ["coax2d", "coax2d-appendix", "coax2d-physics", "uh60a", "hummingbird", "firefly", "octo-x8"];
+pub const BUILTIN: [&str; 8] = [
+    "coax2d",
+    "coax2d-appendix",
+    "coax2d-physics",
+    "uh60a",
+    "xv15",
+    "hummingbird",
+    "firefly",
+    "octo-x8",
+];
 
 /// Files that are built in.
-const EMBEDDED: [(&str, &str); 13] = [
+const EMBEDDED: [(&str, &str); 17] = [
     ("coax2d.toml", include_str!("../../problems/coax2d.toml")),
     ("coax2d-appendix.toml", include_str!("../../problems/coax2d-appendix.toml")),
     ("coax2d-physics.toml", include_str!("../../problems/coax2d-physics.toml")),
     ("uh60a.toml", include_str!("../../problems/uh60a.toml")),
+    ("xv15.toml", include_str!("../../problems/xv15.toml")),
     ("hummingbird.toml", include_str!("../../problems/hummingbird.toml")),
     ("firefly.toml", include_str!("../../problems/firefly.toml")),
     ("octo-x8.toml", include_str!("../../problems/octo-x8.toml")),
@@ -61,6 +70,9 @@ const EMBEDDED: [(&str, &str); 13] = [
     ("airfoils/uh60a-tail.c81", include_str!("../../problems/airfoils/uh60a-tail.c81")),
     ("airfoils/uh60a-fin.c81", include_str!("../../problems/airfoils/uh60a-fin.c81")),
     ("airfoils/uh60a-stabilator.c81", include_str!("../../problems/airfoils/uh60a-stabilator.c81")),
+    ("airfoils/xv15-tail.c81", include_str!("../../problems/airfoils/xv15-tail.c81")),
+    ("airfoils/xv15-wing-flap40.c81", include_str!("../../problems/airfoils/xv15-wing-flap40.c81")),
+    ("fuselages/xv15.csv", include_str!("../../problems/fuselages/xv15.csv")),
     ("fuselages/uh60a.csv", include_str!("../../problems/fuselages/uh60a.csv")),
 ];
 

@@ -471,6 +471,8 @@ pub struct Wing {
     pub incidence: f64,
     /// Incidence over airspeed in place of a fixed one.
     pub incidence_schedule: Option<IncidenceSchedule>,
+    /// Control surface over its whole span, or the wing itself where it turns.
+    pub surface: Option<ControlSurface>,
     /// Cant about the x axis, rad. The wing axes come from the body axes by
     /// this rotation, and the span runs along the turned y axis: 0 is
     /// horizontal; at 90° the span points down and lift is to starboard.
@@ -503,6 +505,42 @@ pub struct DynamicPressure {
     pub angle: Vec<f64>,
     /// Ratio at each.
     pub ratio: Vec<f64>,
+}
+
+/// A hinged control surface that the sticks move, its deflection an effector.
+///
+/// A deflection δ shifts the angle from zero lift by τ δ, so that lift and drag
+/// are those of the angle of attack α + τ δ; positive with the trailing edge
+/// down, which adds lift along the lift axis of the wing. The moment of the
+/// section about its aerodynamic centre is left out, as for every wing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ControlSurface {
+    /// Effectiveness τ = −∂α_0/∂δ, 0 to 1; 1 where the whole surface turns.
+    pub effectiveness: f64,
+    /// Deflection for lat, lon, col, ped, rad/%.
+    pub gearing: [f64; 4],
+    /// Deflection with every stick at zero, rad.
+    pub rigging: f64,
+    /// Limits on the deflection, rad.
+    pub limits: [f64; 2],
+}
+
+impl ControlSurface {
+    /// Effectiveness of a plain flap by thin-airfoil theory, from its chord over
+    /// that of the section: τ = 1 − (θ_h − sin θ_h)/π with cos θ_h = 2 E − 1 for
+    /// a hinge at θ_h (Glauert).
+    #[must_use]
+    pub fn thin_airfoil(chord_fraction: f64) -> f64 {
+        let hinge = (2.0 * chord_fraction - 1.0).clamp(-1.0, 1.0).acos();
+        1.0 - (hinge - hinge.sin()) / std::f64::consts::PI
+    }
+
+    /// Deflection at stick positions (%), rad, limits left out.
+    #[must_use]
+    pub fn deflection(&self, sticks: &[f64; 4]) -> f64 {
+        self.rigging
+            + self.gearing.iter().zip(sticks).map(|(gain, stick)| gain * stick).sum::<f64>()
+    }
 }
 
 /// Incidence of a surface that follows the airspeed.

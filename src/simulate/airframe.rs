@@ -224,6 +224,10 @@ impl<'a> Airframe<'a> {
                             .map(|(i, limits)| (pitch + i, limits)),
                     );
                 }
+                let surfaces = vehicle.wings.iter().zip(&vehicle.layout.deflections);
+                places.extend(
+                    surfaces.filter_map(|(wing, place)| Some(((*place)?, wing.surface?.limits))),
+                );
                 places
             }
             Self::Stitched(model) if model.hardware_included => Vec::new(),

@@ -380,9 +380,11 @@ impl Residuals for Shooting<'_> {
     }
 }
 
-/// Stick travel, %, that moves a blade by one hundredth of a radian, or changes
+/// Stick travel, %, that moves a blade or a control surface by one hundredth of a
+/// radian, or changes
 /// a commanded speed by two hundredths of nominal.
 pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
+    let surfaces = vehicle.wings.iter().filter_map(|wing| wing.surface.as_ref());
     [0, 1, 2, 3].map(|stick| {
         let most = vehicle
             .controls
@@ -394,6 +396,7 @@ pub(crate) fn stick_scales(vehicle: &Vehicle) -> [f64; 4] {
                     if rotor.commanded { 0.5 * mix.speed[stick] / rotor.speed } else { 0.0 };
                 [mix.theta_0[stick], mix.theta_1c[stick], mix.theta_1s[stick], speed]
             })
+            .chain(surfaces.clone().map(|surface| surface.gearing[stick]))
             .map(f64::abs)
             .fold(0.0, f64::max);
         if most > 0.0 { 0.01 / most } else { 1.0 }

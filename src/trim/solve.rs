@@ -50,8 +50,15 @@ impl Default for Options {
     }
 }
 
-/// Steps over a period at least, enough where the dynamics do not vary with it.
+/// Steps over a period at least, enough where the dynamics do not vary with it
+/// and no blade flaps.
 const STEADY_STEPS: usize = 4;
+/// Fastest flap mode of averaged blades over the speed of their rotor: the
+/// progressive one, at Ω + ω_β, with ω_β up to some 1.2 Ω.
+const PROGRESSIVE: f64 = 2.2;
+/// Most of that mode's phase in a step, rad. An explicit Runge–Kutta method of
+/// fourth order is stable to about 2.8.
+const MOST_PHASE: f64 = 1.5;
 /// Steps a blade passage of the solve that comes before a finer one.
 const COARSE_STEPS: usize = 24;
 /// How near a coarse solution must be before a finer step takes over: about
@@ -324,7 +331,8 @@ pub struct TrimPoint {
     pub power: PowerBalance,
     /// Mean sideslip asin(v/V), rad; zero in hover.
     pub sideslip: f64,
-    /// Room to the limits: sticks, then blade pitch of each rotor.
+    /// Room to the limits: sticks, then blade pitch of each rotor, then control
+    /// surfaces.
     pub margins: Vec<Margin>,
     /// How the trim hangs together with level flight.
     pub branch: Branch,
@@ -454,7 +462,7 @@ pub fn trim(
 ) -> TrimPoint {
     let options = &whole_period(vehicle, options);
     let coarse_steps = COARSE_STEPS * vehicle.passages;
-    let steps = guess.steps.unwrap_or(options.steps).max(STEADY_STEPS);
+    let steps = guess.steps.unwrap_or(options.steps).max(steady_steps(vehicle));
     let jacobian = guess.jacobian.clone();
     let mut start = Start { steps, jacobian, ..Start::at(guess.state.clone(), guess.sticks) };
     if steps > coarse_steps {
@@ -476,15 +484,27 @@ pub fn trim(
 /// few where the dynamics do not vary with azimuth.
 pub(super) fn whole_period(vehicle: &Vehicle, options: &Options) -> Options {
     Options {
-        steps: if vehicle.is_steady() { STEADY_STEPS } else { options.steps * vehicle.passages },
+        steps: if vehicle.is_steady() {
+            steady_steps(vehicle)
+        } else {
+            options.steps * vehicle.passages
+        },
         most_steps: options.most_steps * vehicle.passages,
         ..options.clone()
     }
 }
 
+/// Steps over the period of a vehicle whose rotors are all averaged.
+fn steady_steps(vehicle: &Vehicle) -> usize {
+    let flapping = vehicle.rotors.iter().zip(&vehicle.layout.rotors).filter(|(_, s)| s.flap[1] > 0);
+    let fastest = flapping.map(|(rotor, _)| rotor.speed.abs()).fold(0.0, f64::max);
+    let phase = PROGRESSIVE * fastest * vehicle.period;
+    STEADY_STEPS.max((phase / MOST_PHASE).ceil() as usize)
+}
+
 /// Steps a period of a coarse solution.
 pub(super) fn coarse_steps(vehicle: &Vehicle) -> usize {
-    if vehicle.is_steady() { STEADY_STEPS } else { COARSE_STEPS * vehicle.passages }
+    if vehicle.is_steady() { steady_steps(vehicle) } else { COARSE_STEPS * vehicle.passages }
 }
 
 /// Where the finer systems start.
@@ -985,7 +1005,8 @@ fn report(
     }
 }
 
-/// Of the sticks, of commanded rotor speeds and of blade pitches; not of pitches
+/// Of the sticks, of commanded rotor speeds, of blade pitches and of control
+/// surfaces; not of pitches
 /// that nothing moves on rotors whose speed is commanded.
 fn margins(
     vehicle: &Vehicle,
@@ -1028,6 +1049,15 @@ fn margins(
                 },
             });
         }
+    }
+    for surface in vehicle.wings.iter().filter_map(|wing| Some((&wing.name, wing.surface?))) {
+        let (name, surface) = surface;
+        margins.push(Margin {
+            control: format!("{name}.deflection"),
+            kind: Kind::Angle,
+            value: surface.deflection(sticks),
+            limits: surface.limits,
+        });
     }
     margins
 }

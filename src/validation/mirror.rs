@@ -36,6 +36,11 @@ pub fn mirrored(problem: &Problem) -> Problem {
         wing.cant = -wing.cant;
         wing.chord.station = wing.chord.station.iter().rev().map(|s| 1.0 - s).collect();
         wing.chord.value.reverse();
+        if let Some(surface) = &mut wing.surface {
+            for stick in MIRRORED_STICKS {
+                surface.gearing[stick] = -surface.gearing[stick];
+            }
+        }
     }
     for mix in &mut mirror.controls.mix {
         for row in [&mut mix.theta_0, &mut mix.theta_1c, &mut mix.theta_1s, &mut mix.speed] {

@@ -122,7 +122,8 @@ fn hermite(grid: &[f64], value: impl Fn(usize) -> f64, x: f64) -> (f64, f64) {
     if x >= grid[n - 1] {
         return (value(n - 1), 0.0);
     }
-    let i = grid.partition_point(|&g| g <= x) - 1;
+    // Not a number stands before all points, and stays not a number.
+    let i = grid.partition_point(|&g| g <= x).max(1) - 1;
     let h = grid[i + 1] - grid[i];
     let secant = |k: usize| (value(k + 1) - value(k)) / (grid[k + 1] - grid[k]);
     // Flat at the ends, so that the clamped continuation is smooth.

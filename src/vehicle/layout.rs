@@ -3,6 +3,7 @@
 use crate::problem::{InflowOptions, TotalInflow};
 use crate::units::Kind;
 use crate::vehicle::rotor::Rotor;
+use crate::vehicle::wing::Wing;
 
 /// A state or control: what it is called, what it measures, how large it
 /// usually is.
@@ -56,22 +57,26 @@ pub struct RotorStates {
     pub command: Option<usize>,
 }
 
-/// States and blade controls of a vehicle, in order.
+/// States and effectors of a vehicle, in order: blade controls and commanded
+/// speeds of the rotors, then deflections of the wings' control surfaces.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// All states.
     pub states: Vec<Quantity>,
-    /// All blade controls.
+    /// All effectors.
     pub effectors: Vec<Quantity>,
     /// Places of each rotor's.
     pub rotors: Vec<RotorStates>,
+    /// Place of each wing's deflection among the effectors, where it has a
+    /// control surface.
+    pub deflections: Vec<Option<usize>>,
 }
 
 impl Layout {
     /// Places of the airframe's states: u v w p q r φ θ come first.
     pub const BODY: BodyStates = BodyStates { velocity: 0, rate: 3, roll: 6, pitch: 7, count: 8 };
 
-    pub(super) fn new(rotors: &[Rotor], inflow: &InflowOptions) -> Self {
+    pub(super) fn new(rotors: &[Rotor], wings: &[Wing], inflow: &InflowOptions) -> Self {
         let mut states = Vec::new();
         let mut effectors = Vec::new();
         let push = |list: &mut Vec<Quantity>, name: String, kind, scale| {
@@ -154,7 +159,17 @@ impl Layout {
                 command,
             });
         }
-        Self { states, effectors, rotors: places }
+        let deflections = wings
+            .iter()
+            .map(|wing| {
+                wing.surface.is_some().then(|| {
+                    let place = effectors.len();
+                    push(&mut effectors, format!("{}.deflection", wing.name), Kind::AngleRad, 0.01);
+                    place
+                })
+            })
+            .collect();
+        Self { states, effectors, rotors: places, deflections }
     }
 
     /// Place of a state by name.

@@ -41,7 +41,7 @@ use interference::{DiskGeometry, Interference, PointWash, SeenPoint, WashWidth};
 pub use layout::{Layout, RotorStates};
 use nalgebra::Matrix3 as HubAxes;
 use rotor::{LoadsAtSpeed, LoadsGoverned, Rotor, RotorLoads, Shaft};
-use wing::{UnwashedLoads, Wing};
+use wing::{DeflectedLoads, UnwashedLoads, Wing};
 
 /// Change of uniform inflow at which the algebraic loop is closed.
 const LOOP_TOLERANCE: f64 = 1e-14;
@@ -237,7 +237,7 @@ impl Vehicle {
         let m = &problem.mass;
         let inertia =
             [[m.i_xx, -m.i_xy, -m.i_xz], [-m.i_xy, m.i_yy, -m.i_yz], [-m.i_xz, -m.i_yz, m.i_zz]];
-        let layout = Layout::new(&rotors, &problem.inflow);
+        let layout = Layout::new(&rotors, &wings, &problem.inflow);
         let mut vehicle = Self {
             name: problem.name.clone(),
             air,
@@ -449,17 +449,18 @@ impl Vehicle {
         self.rotors.iter().map(|rotor| vec![Blade::default(); count(rotor)]).collect()
     }
 
-    /// Blade controls and commanded speeds from stick positions in percent:
-    /// rigging plus mix. A governor's speed stays nominal.
+    /// Effectors from stick positions in percent: rigging plus mix, of blade
+    /// pitches, commanded speeds and deflections of control surfaces. A
+    /// governor's speed stays nominal.
     pub fn mix<S: Scalar>(&self, sticks: &[S; 4], effectors: &mut [S]) {
+        let geared = |rigging: f64, row: &[f64; 4]| {
+            let value =
+                rigging + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
+            S::chain(value, row, sticks)
+        };
         for (index, rotor) in self.rotors.iter().enumerate() {
             let mix = &self.controls.mix[index];
             let places = &self.layout.rotors[index];
-            let geared = |rigging: f64, row: &[f64; 4]| {
-                let value =
-                    rigging + (0..4).map(|stick| row[stick] * sticks[stick].value()).sum::<f64>();
-                S::chain(value, row, sticks)
-            };
             if let Some(start) = places.pitch {
                 for (k, row) in [mix.theta_0, mix.theta_1c, mix.theta_1s].iter().enumerate() {
                     effectors[start + k] = geared(mix.rigging[k], row);
@@ -471,6 +472,11 @@ impl Vehicle {
                 } else {
                     S::constant(rotor.speed)
                 };
+            }
+        }
+        for (wing, place) in self.wings.iter().zip(&self.layout.deflections) {
+            if let (Some(surface), &Some(place)) = (&wing.surface, place) {
+                effectors[place] = geared(surface.rigging, &surface.gearing);
             }
         }
     }
@@ -584,7 +590,7 @@ impl Vehicle {
             }
         }
 
-        let (force, moment) = self.external_loads(air, air_rate, work);
+        let (force, moment) = self.external_loads(air, air_rate, effectors, work);
         self.accelerate(rate, force, moment, work);
         let [specific_force, angular] = work.acceleration;
         let gravity = [
@@ -900,6 +906,7 @@ impl Vehicle {
         &self,
         air: Vec3<S>,
         rate: Vec3<S>,
+        effectors: &[S],
         work: &mut Workspace<S>,
     ) -> (Vec3<S>, Vec3<S>) {
         let mut force = Vec3::<S>::default();
@@ -914,13 +921,16 @@ impl Vehicle {
         }
         for (index, wing) in self.wings.iter().enumerate() {
             let tables = &self.wing_wash[index];
+            let deflection = self.layout.deflections[index].map(|place| effectors[place]);
             let loads = if tables.is_empty() {
                 let ([u, v, w], [p, q, r]) = (air.0, rate.0);
-                let [fx, fy, fz, mx, my, mz] =
-                    S::compose(&UnwashedLoads { wing }, &[u, v, w, p, q, r]);
+                let [fx, fy, fz, mx, my, mz] = match deflection {
+                    None => S::compose(&UnwashedLoads { wing }, &[u, v, w, p, q, r]),
+                    Some(d) => S::compose(&DeflectedLoads { wing }, &[u, v, w, p, q, r, d]),
+                };
                 (Vec3([fx, fy, fz]), Vec3([mx, my, mz]))
             } else {
-                wing.loads(air, rate, |strip| Some(self.wash(&tables[strip], work)))
+                wing.loads(air, rate, deflection, |strip| Some(self.wash(&tables[strip], work)))
             };
             work.wing_loads[index] = loads;
             force += loads.0;

@@ -10,7 +10,7 @@
 use crate::numerics::interpolation::{CubicHermite, Ends};
 use crate::numerics::quadrature::gauss_legendre;
 use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
-use crate::problem::{self, FlowAngle, Wash, WingModel};
+use crate::problem::{self, ControlSurface, FlowAngle, Wash, WingModel};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -49,6 +49,8 @@ pub struct Wing {
     pub name: String,
     /// Rotor wash on it.
     pub wash: Wash,
+    /// Control surface that the sticks move.
+    pub surface: Option<ControlSurface>,
     /// Incidence over airspeed, beside the fixed one.
     schedule: Option<CubicHermite>,
     /// Dynamic pressure in the wake of the fuselage over an angle of the flow.
@@ -166,6 +168,7 @@ impl Wing {
         Ok(Self {
             name: wing.name.clone(),
             wash: wing.wash,
+            surface: wing.surface,
             schedule,
             shade,
             strips,
@@ -182,18 +185,20 @@ impl Wing {
 
     /// Force and moment about the centre of gravity, body frame, N and N m,
     /// from the velocity of the centre of gravity through the air and the
-    /// angular velocity, body frame; `wash` gives the velocity of the air at
-    /// each strip due to the rotors.
+    /// angular velocity, body frame, and the deflection of its control surface,
+    /// rad, which has no effect on a wing without one; `wash` gives the velocity
+    /// of the air at each strip due to the rotors.
     #[inline(always)]
     pub fn loads<S: Scalar>(
         &self,
         velocity_body: Vec3<S>,
         rate_body: Vec3<S>,
+        deflection: Option<S>,
         wash: impl Fn(usize) -> Option<Vec3<S>>,
     ) -> (Vec3<S>, Vec3<S>) {
         let mut force = Vec3::<S>::default();
         let mut moment = Vec3::<S>::default();
-        let turn = self.scheduled_turn(velocity_body);
+        let turn = self.turn(velocity_body, deflection);
         for (index, strip) in self.strips.iter().enumerate() {
             let free = velocity_body + rate_body.cross_constant(strip.position_body);
             let local = match wash(index) {
@@ -244,14 +249,26 @@ impl Wing {
         Some((ratio + -1.0) * there + 1.0)
     }
 
-    /// Sine and cosine of the incidence that the schedule adds.
+    /// Sine and cosine of the incidence that schedule and control surface add.
+    /// A surface turns the section by τ δ against the flow; since lift and drag
+    /// stay across and along the flow, only their angle of attack changes.
     #[inline(always)]
-    fn scheduled_turn<S: Scalar>(&self, velocity_body: Vec3<S>) -> Option<[S; 2]> {
-        let schedule = self.schedule.as_ref()?;
-        // The small term keeps the slope of the airspeed at rest finite.
-        let airspeed = (velocity_body.dot(velocity_body) + 1e-12).sqrt();
-        let (value, slope) = schedule.evaluate(airspeed.value());
-        let (s, c) = S::chain(value, &[slope], &[airspeed]).sin_cos();
+    fn turn<S: Scalar>(&self, velocity_body: Vec3<S>, deflection: Option<S>) -> Option<[S; 2]> {
+        let scheduled = self.schedule.as_ref().map(|schedule| {
+            // The small term keeps the slope of the airspeed at rest finite.
+            let airspeed = (velocity_body.dot(velocity_body) + 1e-12).sqrt();
+            let (value, slope) = schedule.evaluate(airspeed.value());
+            S::chain(value, &[slope], &[airspeed])
+        });
+        let deflected = match (&self.surface, deflection) {
+            (Some(surface), Some(angle)) => Some(angle * surface.effectiveness),
+            _ => None,
+        };
+        let angle = match (scheduled, deflected) {
+            (Some(scheduled), Some(deflected)) => scheduled + deflected,
+            (scheduled, deflected) => scheduled.or(deflected)?,
+        };
+        let (s, c) = angle.sin_cos();
         Some([s, c])
     }
 
@@ -363,7 +380,23 @@ impl Local<6, 6> for UnwashedLoads<'_> {
     #[inline(always)]
     fn evaluate<T: Scalar>(&self, x: &[T; 6]) -> [T; 6] {
         let (force, moment) =
-            self.wing.loads(Vec3([x[0], x[1], x[2]]), Vec3([x[3], x[4], x[5]]), |_| None);
+            self.wing.loads(Vec3([x[0], x[1], x[2]]), Vec3([x[3], x[4], x[5]]), None, |_| None);
+        let ([fx, fy, fz], [mx, my, mz]) = (force.0, moment.0);
+        [fx, fy, fz, mx, my, mz]
+    }
+}
+
+/// The same of a wing with a control surface; last among the inputs comes the
+/// deflection.
+pub(super) struct DeflectedLoads<'a> {
+    pub wing: &'a Wing,
+}
+
+impl Local<7, 6> for DeflectedLoads<'_> {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, x: &[T; 7]) -> [T; 6] {
+        let (velocity, rate) = (Vec3([x[0], x[1], x[2]]), Vec3([x[3], x[4], x[5]]));
+        let (force, moment) = self.wing.loads(velocity, rate, Some(x[6]), |_| None);
         let ([fx, fy, fz], [mx, my, mz]) = (force.0, moment.0);
         [fx, fy, fz, mx, my, mz]
     }
