@@ -1,6 +1,6 @@
 //! The tuning as a whole, on the test bed.
 
-use coaxdesign::control::axis::{Axis, Channel};
+use coaxdesign::control::axis::{Axis, Channel, ChannelGains};
 use coaxdesign::control::design::{design, lag_laws};
 use coaxdesign::control::plant::{ModelClass, ModelSet};
 use coaxdesign::control::spec::{self, Specification};
@@ -430,6 +430,38 @@ fn what_is_said_to_be_attainable_is_met_by_a_design_to_it() {
             bandwidth(s, 1.3);
             s.nominal.phase = (value - 0.2).to_radians();
         })));
+    }
+}
+
+/// Gains that miss where others would do: the speed alone could meet everything,
+/// and the key is what ties it to its neighbours, at a breakpoint the smoothing,
+/// between two the breakpoints.
+#[test]
+fn a_miss_that_neighbours_cause_names_what_ties_them() {
+    let spec = with(inner_only);
+    let (nodes, all) = sets(&[0.0, 10.0]);
+    let mut d = design(&spec, &nodes, &between(&nodes, &all), &[]).unwrap();
+    let half = |k: usize| {
+        let mut gains = d.table.points()[k].gains;
+        let roll = &mut gains[Channel::Roll.index()];
+        *roll = ChannelGains::new(roll.k_d, 0.5 * roll.k_p, 0.5 * roll.k_i);
+        gains
+    };
+    d.table = d.table.with_gains(half);
+    let at = |k: usize| {
+        let set = ModelSet { models: all.models.clone(), plants: vec![all.plants[k].clone()] };
+        explained(&spec, &set, &d, Channel::Roll)
+    };
+    for (k, remedy) in [
+        (0, ["schedule.smoothing", "0.002"]),
+        (1, ["schedule.speeds", "also \"5 kt\""]),
+        (2, ["schedule.smoothing", "0.002"]),
+    ] {
+        let e = at(k);
+        assert!(!e.met && e.attainable && e.breakpoint == (k != 1), "{e:?}");
+        assert_eq!(e.remedy.unwrap(), remedy);
+        let missed: Vec<_> = e.targets.iter().filter(|t| t.missed).collect();
+        assert!(!missed.is_empty() && missed.iter().all(|t| t.attainable == Some(t.asked)));
     }
 }
 

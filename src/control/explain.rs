@@ -8,11 +8,11 @@
 //! of the tuning, of which there is one set.
 
 use super::axis::{Channel, GainSet};
-use super::law::LawTable;
+use super::law::{LawPoint, LawTable};
 use super::loops::{GainGrid, LoopModel};
 use super::metrics::{self, decibels, from_decibels};
 use super::misses::key;
-use super::plant::{ModelClass, ModelInfo, ModelSet, Plant};
+use super::plant::{Inversion, ModelClass, ModelInfo, ModelSet, Plant};
 use super::spec::{ChannelRequirement, Scales, Specification};
 pub use super::tuning::Target;
 use super::tuning::{
@@ -311,6 +311,7 @@ pub enum ExplainError {
 }
 
 /// An axis at one speed, and what is asked of it.
+#[derive(Clone, Copy)]
 pub struct Site<'a> {
     /// The specification.
     pub spec: &'a Specification,
@@ -408,10 +409,23 @@ impl Site<'_> {
         }
         let solver = Solver::new(self)?;
         let asked = self.requirement.spec;
-        if solver.best(&asked, None)?.is_some() {
+        // Between breakpoints: as a breakpoint, which has an inversion of its own.
+        let own;
+        let alone = if out.breakpoint {
+            solver.best(&asked, None)?
+        } else {
+            let inversion = Inversion::new(&self.plants[0]).map_err(TuningError::from)?;
+            own = self.table.with_point(LawPoint { inversion, ..self.table.at(self.speed) });
+            let added = Site { table: &own, ..*self };
+            Solver::new(&added)?.best(&asked, None)?
+        };
+        if alone.is_some() {
             out.attainable = true;
-            out.remedy = Some(if out.breakpoint {
-                ["schedule.smoothing".into(), format!("{}", 0.1 * self.spec.solver.smoothing)]
+            let smoothing = self.spec.solver.smoothing;
+            out.remedy = Some(if out.breakpoint && smoothing > 0.0 {
+                ["schedule.smoothing".into(), format!("{}", 0.1 * smoothing)]
+            } else if out.breakpoint {
+                ["schedule.speeds".into(), "breakpoints nearer to it".into()]
             } else {
                 let knots = (1e3 * self.speed / KNOT).round() / 1e3;
                 ["schedule.speeds".into(), format!("also \"{knots} kt\"")]

@@ -238,13 +238,17 @@ impl LawTable {
     /// The same table with gains of its own at a speed, m/s, which becomes a
     /// breakpoint if it is none; all else is as it is flown there.
     pub fn with_gains_at(&self, speed: f64, gains: GainSet) -> Self {
+        self.with_point(LawPoint { gains, ..self.at(speed) })
+    }
+
+    /// The same table with a breakpoint more, or another in the place of one.
+    pub fn with_point(&self, point: LawPoint) -> Self {
         let mut out = self.clone();
-        let same = |p: &LawPoint| (p.speed - speed).abs() < 1e-6;
-        match out.points.iter().position(same) {
-            Some(k) => out.points[k].gains = gains,
+        match out.points.iter().position(|p| (p.speed - point.speed).abs() < 1e-6) {
+            Some(k) => out.points[k] = point,
             None => {
-                let k = out.points.partition_point(|p| p.speed < speed);
-                out.points.insert(k, LawPoint { gains, ..self.at(speed) });
+                let k = out.points.partition_point(|p| p.speed < point.speed);
+                out.points.insert(k, point);
             }
         }
         out
