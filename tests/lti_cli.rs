@@ -42,7 +42,7 @@ fn a_design_of_models_lives_by_itself() {
     let here = home.path();
     let (set, spec) = named("uh60a");
     let own_spec = std::fs::read_to_string(&spec).unwrap().replace(
-        "speeds = [\"1 kt\", \"20 kt\", \"40 kt\", \"60 kt\", \"80 kt\", \"100 kt\", \"120 kt\"]",
+        "speeds = [\"1 kt\", \"10 kt\", \"20 kt\", \"30 kt\", \"40 kt\", \"60 kt\", \"80 kt\", \"100 kt\", \"120 kt\"]",
         "speeds = [\"40 kt\", \"60 kt\", \"80 kt\"]",
     );
     std::fs::write(here.join("own.toml"), own_spec).unwrap();

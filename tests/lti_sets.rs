@@ -496,3 +496,44 @@ fn attitudes_are_integrated_from_rates() {
     assert!(model.a().column(7).iter().all(|x| *x == 0.0));
     assert!(set.notes.iter().any(|n| n.contains("theta is not in the models")), "{:?}", set.notes);
 }
+
+/// The UH-60A as SciPy 1.17.1 saved it is the one of the CSV tables.
+#[test]
+fn a_mat_file_of_scipy_is_the_same_set() {
+    let tables = uh60a();
+    let saved = load(&example("uh60a").join("uh60a.mat"), &Mapping::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    assert_eq!(saved.name, tables.name);
+    assert_eq!(saved.speeds().len(), 6);
+    for (a, b) in saved.models.iter().zip(&tables.models) {
+        assert!((a.speed - b.speed).abs() < 1e-12);
+        assert_eq!(a.trim, b.trim, "{}", a.label);
+        assert_eq!(a.model.states(), b.model.states());
+        // The rows of the attitudes are left out of the tables, and written in
+        // the file.
+        assert!((a.model.a() - b.model.a()).amax() < 1e-12, "{}", a.label);
+        assert!((a.model.b() - b.model.b()).amax() < 1e-15, "{}", a.label);
+    }
+}
+
+/// A model that grows by itself while the law holds bank, pitch, yaw rate and
+/// vertical velocity exactly cannot be inverted: here forward velocity, by
+/// 1.5 1/s. The message names the file and the growth.
+#[test]
+fn models_that_cannot_be_inverted_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(example("uh60a")).unwrap() {
+        let path = entry.unwrap().path();
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let name = path.file_name().unwrap().to_owned();
+        let changed = text.replacen("\nu,-0.0144,", "\nu,1.5,", 1);
+        assert_eq!(changed != text, name == "060kt.csv");
+        std::fs::write(directory.path().join(name), changed).unwrap();
+    }
+    let set = load(directory.path(), &Mapping::default()).unwrap_or_else(|r| panic!("{r}"));
+    let spec = spec::builtin().unwrap();
+    let refused = |speed: f64| from_set(&set, None, &spec.models[..1], &[speed * KNOT]);
+    let message = refused(60.0).unwrap_err().to_string();
+    assert!(message.contains("060kt.csv") && message.contains("grow"), "{message}");
+    assert!(refused(40.0).is_ok());
+}
