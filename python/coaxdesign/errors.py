@@ -14,7 +14,6 @@ __all__ = [
     "LinearError",
     "ManeuverError",
     "MissingPackage",
-    "ModelsError",
     "ProblemError",
     "ScheduleError",
     "SimulationError",
@@ -73,10 +72,6 @@ class SpecificationError(InputError):
 
 class ManeuverError(InputError):
     """A manoeuvre file is wrong."""
-
-
-class ModelsError(InputError):
-    """A set of linear models from elsewhere cannot be used."""
 
 
 class UnitError(CoaxError, ValueError):

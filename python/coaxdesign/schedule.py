@@ -18,7 +18,6 @@ from .units import floats
 
 if TYPE_CHECKING:
     from .design import Specification, Verification
-    from .models import Models
     from .problem import Problem
 
 
@@ -123,7 +122,7 @@ class Schedule:
 
     def verify(
         self,
-        problem: Problem | Models,
+        problem: Problem,
         spec: Specification | str | os.PathLike[str] | None = None,
         *,
         progress: Progress = None,
