@@ -5,10 +5,10 @@ mod common;
 
 use approx::assert_relative_eq;
 use coaxdesign::linear::linearize::{self, Inputs, linearize};
-use coaxdesign::numerics::scalar::Vec3;
+use coaxdesign::numerics::scalar::{Dual, Scalar, Vec3};
 use coaxdesign::problem::{
-    Airfoil, AtmosphereConditions, ControlSurface, Polar, Problem, Spanwise, Station, Wash, Wing,
-    WingModel,
+    Airfoil, AtmosphereConditions, ControlSurface, DynamicPressure, Effectiveness, FlowAngle,
+    Polar, Problem, Spanwise, Station, Wash, Wing, WingModel,
 };
 use coaxdesign::trim::{FlightCondition, Options, Status, trim_at};
 use coaxdesign::units::KNOT;
@@ -26,7 +26,12 @@ fn air() -> Air {
 }
 
 fn surface(effectiveness: f64) -> ControlSurface {
-    ControlSurface { effectiveness, gearing: [0.0; 4], rigging: 0.0, limits: [-0.4, 0.4] }
+    ControlSurface {
+        effectiveness: Effectiveness::Constant(effectiveness),
+        gearing: [0.0; 4],
+        rigging: 0.0,
+        limits: [-0.4, 0.4],
+    }
 }
 
 fn strip_wing(surface: Option<ControlSurface>, incidence: f64) -> wing::Wing {
@@ -125,6 +130,42 @@ fn deflection_is_an_incidence() {
     }
 }
 
+/// A table of the effectiveness goes through its points with the slope of a
+/// constant where it is straight, and holds its ends.
+#[test]
+fn table_of_effectiveness_goes_through_its_points() {
+    let deflection = vec![-0.4, -0.2, 0.0, 0.2, 0.4];
+    let shift = vec![-0.16, -0.1, 0.0, 0.1, 0.16];
+    let by =
+        |effectiveness| strip_wing(Some(ControlSurface { effectiveness, ..surface(0.5) }), 0.03);
+    let table = by(Effectiveness::Table { deflection: deflection.clone(), shift: shift.clone() });
+    let same = |ours: [f64; 6], expected: [f64; 6]| {
+        for (a, b) in ours.iter().zip(expected) {
+            assert_relative_eq!(*a, b, epsilon = 1e-9, max_relative = 1e-12);
+        }
+    };
+    for (delta, shift) in deflection.iter().zip(&shift) {
+        let turned = strip_wing(None, 0.03 + shift);
+        same(loads(&table, 0.1, Some(*delta)), loads(&turned, 0.1, None));
+    }
+    same(loads(&table, 0.1, Some(0.7)), loads(&table, 0.1, Some(0.4)));
+    let line = by(Effectiveness::Table { deflection: vec![-0.4, 0.4], shift: vec![-0.2, 0.2] });
+    same(loads(&line, 0.1, Some(0.13)), loads(&by(Effectiveness::Constant(0.5)), 0.1, Some(0.13)));
+    // Tangents are those of the curve.
+    let step = 1e-6;
+    let velocity = [SPEED, 0.0, 2.0].map(Dual::<1>::constant);
+    let (force, _) = table.loads(
+        Vec3(velocity),
+        Vec3([0.0; 3].map(Dual::<1>::constant)),
+        Some(Dual { v: 0.25, d: [1.0] }),
+        |_| None,
+    );
+    let at =
+        |delta| table.loads(Vec3([SPEED, 0.0, 2.0]), Vec3::default(), Some(delta), |_| None).0.0[2];
+    let slope = (at(0.25 + step) - at(0.25 - step)) / (2.0 * step);
+    assert_relative_eq!(force.0[2].d[0], slope, max_relative = 1e-6);
+}
+
 /// The UH-60A with an elevator geared to the longitudinal stick, and a rudder.
 fn with_surfaces() -> Problem {
     let mut p = problem("uh60a");
@@ -137,6 +178,12 @@ fn with_surfaces() -> Problem {
     };
     p.wings[0].surface = Some(geared(1, -0.1));
     p.wings[1].surface = Some(geared(3, 0.02));
+    // One side of the fin stands in more wake than the other.
+    p.wings[1].dynamic_pressure = Some(DynamicPressure {
+        over: FlowAngle::Sideslip,
+        angle: vec![-0.3, 0.0, 0.2],
+        ratio: vec![0.5, 0.7, 0.95],
+    });
     p
 }
 

@@ -7,8 +7,9 @@ use super::args::{ProblemArgs, UnitsArgs};
 use super::error::color;
 use super::{CliError, Outcome, output};
 use coaxdesign::problem::{
-    AzimuthModel, Direction, FuselageAerodynamics, HubKind, InterferenceRule, Loaded, MassFlow,
-    Problem, Rotor, STICKS, Spanwise, Station, TeeterEquation, TotalInflow, Wash, WingModel,
+    AzimuthModel, Direction, Effectiveness, FuselageAerodynamics, HubKind, InterferenceRule,
+    Loaded, MassFlow, Problem, Rotor, STICKS, Spanwise, Station, TeeterEquation, TotalInflow, Wash,
+    WingModel,
 };
 use coaxdesign::units::{Kind, System};
 use coaxdesign::vehicle::azimuth::Turning;
@@ -349,17 +350,22 @@ fn wings(problem: &Problem) -> Section {
             "effectiveness of the control surface",
             Kind::Dimensionless,
             bodies,
-            |body| body.surface.and_then(|surface| number(surface.effectiveness)),
+            |body| {
+                body.surface.as_ref().and_then(|surface| match &surface.effectiveness {
+                    Effectiveness::Constant(tau) => number(*tau),
+                    Effectiveness::Table { .. } => None,
+                })
+            },
         );
         section.row(
             "deflection",
             "deflection for lat, lon, col, ped",
             Kind::AnglePerPercent,
             bodies,
-            |body| body.surface.map(|surface| Cell::Numbers(surface.gearing.to_vec())),
+            |body| body.surface.as_ref().map(|surface| Cell::Numbers(surface.gearing.to_vec())),
         );
         section.row("deflection_limits", "limits of the deflection", Kind::Angle, bodies, |body| {
-            body.surface.map(|surface| Cell::Numbers(surface.limits.to_vec()))
+            body.surface.as_ref().map(|surface| Cell::Numbers(surface.limits.to_vec()))
         });
     }
     section

@@ -140,7 +140,9 @@ pub fn blade_controls(problem: &Problem) -> Vec<BladeControl> {
             });
         }
     }
-    for (wing, surface) in problem.wings.iter().filter_map(|wing| Some((wing, wing.surface?))) {
+    for (wing, surface) in
+        problem.wings.iter().filter_map(|wing| Some((wing, wing.surface.as_ref()?)))
+    {
         out.push(BladeControl {
             name: format!("{} deflection", wing.name),
             gain: surface.gearing,

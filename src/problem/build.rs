@@ -712,7 +712,7 @@ fn wing(host: &mut dyn Host, name: &str, table: &CheckedTable) -> Option<Wing> {
         None => None,
     };
     let surface = match table.table("surface") {
-        Some(surface) => Some(control_surface(surface)?),
+        Some(surface) => Some(control_surface(host, surface)?),
         None => None,
     };
     Some(Wing {
@@ -755,10 +755,15 @@ fn dynamic_pressure(host: &mut dyn Host, table: &CheckedTable) -> Option<Dynamic
     None
 }
 
-fn control_surface(table: &CheckedTable) -> Option<ControlSurface> {
-    let effectiveness = table
-        .number("effectiveness")
-        .or_else(|| table.number("chord_fraction").map(ControlSurface::thin_airfoil))?;
+fn control_surface(host: &mut dyn Host, table: &CheckedTable) -> Option<ControlSurface> {
+    let effectiveness = match table.table("table") {
+        Some(points) => effectiveness_table(host, points)?,
+        None => Effectiveness::Constant(
+            table
+                .number("effectiveness")
+                .or_else(|| table.number("chord_fraction").map(ControlSurface::thin_airfoil))?,
+        ),
+    };
     let mut gearing = [0.0; 4];
     for (value, stick) in gearing.iter_mut().zip(STICKS) {
         *value = table.number(stick)?;
@@ -769,6 +774,26 @@ fn control_surface(table: &CheckedTable) -> Option<ControlSurface> {
         rigging: table.number("rigging")?,
         limits: table.numbers("limits")?,
     })
+}
+
+fn effectiveness_table(host: &mut dyn Host, table: &CheckedTable) -> Option<Effectiveness> {
+    let (deflection, shift) = (table.number_list("deflection")?, table.number_list("shift")?);
+    let increasing = deflection.windows(2).all(|pair| pair[0] < pair[1]);
+    let fault = if deflection.len() < 2 || !increasing {
+        "deflections must increase strictly, and be two or more".to_owned()
+    } else if shift.len() != deflection.len() {
+        format!("there are {} deflections but {} shifts", deflection.len(), shift.len())
+    } else {
+        return Some(Effectiveness::Table { deflection, shift });
+    };
+    host.finding(
+        Severity::Error,
+        table.place("deflection"),
+        &table.key_path("deflection"),
+        fault,
+        "write as many of both, such as deflection = [\"-20 deg\", \"20 deg\"]".into(),
+    );
+    None
 }
 
 fn incidence_schedule(host: &mut dyn Host, table: &CheckedTable) -> Option<IncidenceSchedule> {

@@ -781,6 +781,24 @@ static DYNAMIC_PRESSURE: Table = Table {
     alternatives: &[&["angle_of_attack"], &["sideslip"]],
 };
 
+static EFFECTIVENESS_TABLE: Table = Table {
+    doc: "What a control surface does, point by point, as measured or where it loses its grip at \
+          large deflections: a smooth curve through the points, held beyond the ends.",
+    keys: &[
+        required(
+            "deflection",
+            Value::Quantities(0, Kind::Angle, PITCH),
+            "Deflections, strictly increasing, two or more, positive with the trailing edge down.",
+        ),
+        required(
+            "shift",
+            Value::Quantities(0, Kind::Angle, PITCH),
+            "Change of the angle of attack from zero lift at each of them.",
+        ),
+    ],
+    alternatives: &[],
+};
+
 static CONTROL_SURFACE: Table = Table {
     doc: "A control surface over the whole span of the wing: a plain flap, an elevator, a rudder, \
           or with `effectiveness = 1` the wing itself as it turns. Its deflection δ is an effector, \
@@ -790,15 +808,21 @@ static CONTROL_SURFACE: Table = Table {
         optional(
             "chord_fraction",
             Value::Number(above_to("0", "1")),
-            "`effectiveness` is given instead",
+            "`effectiveness` or `table` is given instead",
             "Chord of the surface behind its hinge over that of the wing. It gives τ by \
              thin-airfoil theory: 0.609 for a quarter.",
         ),
         optional(
             "effectiveness",
             Value::Number(above_to("0", "1")),
-            "`chord_fraction` is given instead",
+            "`chord_fraction` or `table` is given instead",
             "Effectiveness τ: change of the angle of attack from zero lift over the deflection.",
+        ),
+        optional(
+            "table",
+            Value::Table(&EFFECTIVENESS_TABLE),
+            "`chord_fraction` or `effectiveness` is given instead",
+            "Change of the angle of attack over the deflection by points.",
         ),
         default("lat", GEARING, "\"0 rad/100%\"", "Deflection from the lateral stick."),
         default("lon", GEARING, "\"0 rad/100%\"", "Deflection from the longitudinal stick."),
@@ -817,7 +841,7 @@ static CONTROL_SURFACE: Table = Table {
             "Limits on the deflection.",
         ),
     ],
-    alternatives: &[&["chord_fraction"], &["effectiveness"]],
+    alternatives: &[&["chord_fraction"], &["effectiveness"], &["table"]],
 };
 
 static WING: Table = Table {

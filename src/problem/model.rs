@@ -513,16 +513,30 @@ pub struct DynamicPressure {
 /// are those of the angle of attack α + τ δ; positive with the trailing edge
 /// down, which adds lift along the lift axis of the wing. The moment of the
 /// section about its aerodynamic centre is left out, as for every wing.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ControlSurface {
-    /// Effectiveness τ = −∂α_0/∂δ, 0 to 1; 1 where the whole surface turns.
-    pub effectiveness: f64,
+    /// What a deflection does.
+    pub effectiveness: Effectiveness,
     /// Deflection for lat, lon, col, ped, rad/%.
     pub gearing: [f64; 4],
     /// Deflection with every stick at zero, rad.
     pub rigging: f64,
     /// Limits on the deflection, rad.
     pub limits: [f64; 2],
+}
+
+/// What the deflection of a control surface does to the angle from zero lift.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Effectiveness {
+    /// Effectiveness τ = −∂α_0/∂δ, 0 to 1; 1 where the whole surface turns.
+    Constant(f64),
+    /// A smooth curve through points, such as a flap that loses its grip.
+    Table {
+        /// Deflections, rad, strictly increasing; the ends hold beyond them.
+        deflection: Vec<f64>,
+        /// Change of the angle of attack from zero lift at each, rad.
+        shift: Vec<f64>,
+    },
 }
 
 impl ControlSurface {

@@ -226,7 +226,9 @@ impl<'a> Airframe<'a> {
                 }
                 let surfaces = vehicle.wings.iter().zip(&vehicle.layout.deflections);
                 places.extend(
-                    surfaces.filter_map(|(wing, place)| Some(((*place)?, wing.surface?.limits))),
+                    surfaces.filter_map(|(wing, place)| {
+                        Some(((*place)?, wing.surface.as_ref()?.limits))
+                    }),
                 );
                 places
             }

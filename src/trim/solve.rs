@@ -1050,7 +1050,9 @@ fn margins(
             });
         }
     }
-    for surface in vehicle.wings.iter().filter_map(|wing| Some((&wing.name, wing.surface?))) {
+    for surface in
+        vehicle.wings.iter().filter_map(|wing| Some((&wing.name, wing.surface.as_ref()?)))
+    {
         let (name, surface) = surface;
         margins.push(Margin {
             control: format!("{name}.deflection"),

@@ -1,6 +1,8 @@
 //! The mirror image of a rotorcraft in its plane of symmetry.
 
-use crate::problem::{Direction, FuselageAerodynamics, FuselageTable, Problem, STICKS, Station};
+use crate::problem::{
+    Direction, FlowAngle, FuselageAerodynamics, FuselageTable, Problem, STICKS, Station,
+};
 use crate::vehicle::{Layout, Vehicle};
 use std::sync::Arc;
 
@@ -36,6 +38,12 @@ pub fn mirrored(problem: &Problem) -> Problem {
         wing.cant = -wing.cant;
         wing.chord.station = wing.chord.station.iter().rev().map(|s| 1.0 - s).collect();
         wing.chord.value.reverse();
+        if let Some(behind) = &mut wing.dynamic_pressure
+            && behind.over == FlowAngle::Sideslip
+        {
+            behind.angle = behind.angle.iter().rev().map(|angle| -angle).collect();
+            behind.ratio.reverse();
+        }
         if let Some(surface) = &mut wing.surface {
             for stick in MIRRORED_STICKS {
                 surface.gearing[stick] = -surface.gearing[stick];

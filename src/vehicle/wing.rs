@@ -10,7 +10,7 @@
 use crate::numerics::interpolation::{CubicHermite, Ends};
 use crate::numerics::quadrature::gauss_legendre;
 use crate::numerics::scalar::{Local, Scalar, Vec3, arc_tangent};
-use crate::problem::{self, ControlSurface, FlowAngle, Wash, WingModel};
+use crate::problem::{self, ControlSurface, Effectiveness, FlowAngle, Wash, WingModel};
 use crate::vehicle::VehicleError;
 use crate::vehicle::airfoil::Section;
 use crate::vehicle::atmosphere::Air;
@@ -51,6 +51,8 @@ pub struct Wing {
     pub wash: Wash,
     /// Control surface that the sticks move.
     pub surface: Option<ControlSurface>,
+    /// What its deflection does to the angle of attack.
+    shift: Option<Shift>,
     /// Incidence over airspeed, beside the fixed one.
     schedule: Option<CubicHermite>,
     /// Dynamic pressure in the wake of the fuselage over an angle of the flow.
@@ -58,6 +60,13 @@ pub struct Wing {
     strips: Vec<Strip>,
     lift: Lift,
     sound_speed: f64,
+}
+
+/// Change of the angle of attack from zero lift over the deflection.
+#[derive(Debug, Clone)]
+enum Shift {
+    Linear(f64),
+    Curve(CubicHermite),
 }
 
 #[derive(Debug, Clone)]
@@ -165,10 +174,20 @@ impl Wing {
             )),
             None => None,
         };
+        let shift = match wing.surface.as_ref().map(|surface| &surface.effectiveness) {
+            Some(Effectiveness::Constant(tau)) => Some(Shift::Linear(*tau)),
+            // Flat ends would leave a surface without effect near its limits.
+            Some(Effectiveness::Table { deflection, shift }) => Some(Shift::Curve(
+                CubicHermite::new(deflection, shift, Ends::Parabolic)
+                    .map_err(|source| VehicleError::Airfoil { of: wing.name.clone(), source })?,
+            )),
+            None => None,
+        };
         Ok(Self {
             name: wing.name.clone(),
             wash: wing.wash,
-            surface: wing.surface,
+            surface: wing.surface.clone(),
+            shift,
             schedule,
             shade,
             strips,
@@ -260,8 +279,12 @@ impl Wing {
             let (value, slope) = schedule.evaluate(airspeed.value());
             S::chain(value, &[slope], &[airspeed])
         });
-        let deflected = match (&self.surface, deflection) {
-            (Some(surface), Some(angle)) => Some(angle * surface.effectiveness),
+        let deflected = match (&self.shift, deflection) {
+            (Some(Shift::Linear(tau)), Some(angle)) => Some(angle * *tau),
+            (Some(Shift::Curve(curve)), Some(angle)) => {
+                let (value, slope) = curve.evaluate(angle.value());
+                Some(S::chain(value, &[slope], &[angle]))
+            }
             _ => None,
         };
         let angle = match (scheduled, deflected) {
