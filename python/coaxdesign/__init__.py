@@ -18,20 +18,26 @@ from ._core import __version__
 from .design import Specification, Tuned, Verification, tune, verify
 from .errors import *  # noqa: F403
 from .linear import LinearModels
+from .models import Models
 from .montecarlo import Criterion, MonteCarlo, Ranges, montecarlo
+from .pipeline import Design, design
 from .problem import Problem
 from .schedule import LawAt, Schedule
 from .simulation import Flight, Maneuver, Variation, simulate
+from .sweep import Designs, sweep
 from .table import Svg, Table
 from .trim import Trim
 from .units import *  # noqa: F403
 
 __all__ = [
     "Criterion",
+    "Design",
+    "Designs",
     "Flight",
     "LawAt",
     "LinearModels",
     "Maneuver",
+    "Models",
     "MonteCarlo",
     "Problem",
     "Ranges",
@@ -44,8 +50,10 @@ __all__ = [
     "Variation",
     "Verification",
     "__version__",
+    "design",
     "montecarlo",
     "simulate",
+    "sweep",
     "tune",
     "verify",
 ]

@@ -140,6 +140,9 @@ def tune(
     explain_all: bool = False,
     progress: Tell = None,
 ) -> tuple[Schedule, str]: ...
+def design_files(
+    problem: Problem, specification: Specification
+) -> list[tuple[str, bytes]]: ...
 def verify(
     schedule: Schedule,
     problem: Problem,
@@ -147,6 +150,53 @@ def verify(
     progress: Tell = None,
 ) -> str: ...
 
+@final
+class Models:
+    @staticmethod
+    def read(path: Path, specification: Specification) -> Models: ...
+    @staticmethod
+    def parse(name: str, text: str, specification: Specification) -> Models: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def speeds(self) -> list[float]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    @property
+    def hardware_included(self) -> bool: ...
+
+def tune_models(
+    models: Models,
+    specification: Specification,
+    channels: list[str],
+    explain_all: bool = False,
+    progress: Tell = None,
+) -> tuple[Schedule, str]: ...
+def verify_models(
+    schedule: Schedule,
+    models: Models,
+    specification: Specification,
+    progress: Tell = None,
+) -> str: ...
+@final
+class Sweep:
+    def __new__(
+        cls,
+        problems: list[tuple[str, Problem]],
+        specifications: list[tuple[str, Specification]],
+        schedule: Schedule | None,
+        channels: list[str],
+        plan: str,
+    ) -> Sweep: ...
+    def head(self) -> str: ...
+    def hash(self) -> str: ...
+    def differences(self, head: str) -> list[str]: ...
+    def columns(self) -> list[tuple[str, str]]: ...
+    def design(
+        self, indices: list[int], threads: int = 1, progress: Tell = None
+    ) -> list[tuple[str, str | None, str | None]]: ...
+
+def sweep_grid(factors: str) -> str: ...
 @final
 class Study:
     def __new__(

@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _core
 from ._support import Progress, reporting, write_whole
+from .models import Models
 from .problem import Problem
 from .schedule import Schedule
 from .table import Table, Values
@@ -166,7 +167,7 @@ def _tuned_again(text: str, document: dict[str, Any]) -> Tuned:
 
 
 def tune(
-    problem: Problem,
+    problem: Problem | Models,
     spec: Specification | str | os.PathLike[str] | None = None,
     *,
     channels: Iterable[str] = (),
@@ -176,6 +177,7 @@ def tune(
 ) -> Tuned:
     """Tunes a schedule to a specification and verifies it, as ``coaxdesign tune-gains`` does.
 
+    :param problem: a problem, or linear models from elsewhere.
     :param spec: specification, a file or TOML text; the built-in one where not given.
     :param channels: outer loops to tune; all of the specification where none is named.
     :param nominal_only: tune on the nominal model alone.
@@ -184,17 +186,25 @@ def tune(
     Requirements that cannot be met are no error: the least-violating schedule
     comes back, and ``requirements_met`` is false.
     """
-    wanted = as_specification(spec)._core
+    wanted = as_specification(spec)
     if nominal_only:
-        wanted = wanted.nominal_only()
+        wanted = Specification(wanted._core.nominal_only())
     with reporting(progress, "tuning") as tell:
-        core, document = _core.tune(problem._core, wanted, list(channels), explain, tell)
+        if isinstance(problem, Models):
+            models = problem.under(wanted)
+            core, document = _core.tune_models(
+                models, wanted._core, list(channels), explain, tell
+            )
+        else:
+            core, document = _core.tune(
+                problem._core, wanted._core, list(channels), explain, tell
+            )
     return Tuned(core, Verification(json.loads(document)))
 
 
 def verify(
     schedule: Schedule | str | os.PathLike[str],
-    problem: Problem,
+    problem: Problem | Models,
     spec: Specification | str | os.PathLike[str] | None = None,
     *,
     progress: Progress = None,
@@ -202,5 +212,11 @@ def verify(
     """Verifies a schedule, tuned here or elsewhere, against a specification, whose hardware it takes."""
     law = schedule if isinstance(schedule, Schedule) else Schedule.load(schedule)
     with reporting(progress, "verifying") as tell:
-        document = _core.verify(law._core, problem._core, as_specification(spec)._core, tell)
+        wanted = as_specification(spec)
+        if isinstance(problem, Models):
+            document = _core.verify_models(
+                law._core, problem.under(wanted), wanted._core, tell
+            )
+        else:
+            document = _core.verify(law._core, problem._core, wanted._core, tell)
     return Verification(json.loads(document))

@@ -14,6 +14,7 @@ __all__ = [
     "LinearError",
     "ManeuverError",
     "MissingPackage",
+    "ModelsError",
     "ProblemError",
     "ScheduleError",
     "SimulationError",
@@ -72,6 +73,10 @@ class SpecificationError(InputError):
 
 class ManeuverError(InputError):
     """A manoeuvre file is wrong."""
+
+
+class ModelsError(InputError):
+    """A set of linear models from elsewhere cannot be used."""
 
 
 class UnitError(CoaxError, ValueError):

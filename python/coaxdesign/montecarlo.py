@@ -8,29 +8,23 @@ flies what is missing.
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
-import pickle
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from . import _core
-from ._support import Progress, Tell, need, reporting, write_whole
-from .errors import StudyError
+from ._engine import Dataset, Numbered, Row, array, work
+from ._support import Progress, Tell
 from .problem import Problem
 from .schedule import Schedule
 from .simulation import Maneuver, Variation, as_maneuver, as_schedule
 from .table import Table, Values
 from .units import ft_s, inch, kt
 
-BLOCK = 1000
-"""Runs of one block of the dataset."""
 LARGEST_BATCH = 50
 """Most runs of one task: what is lost with a worker."""
 
@@ -65,7 +59,7 @@ class Criterion:
     """Longest time at actuator limits, s."""
 
 
-class Study:
+class Study(Numbered):
     """A study that is ready to be flown. It can be pickled, and so goes to workers."""
 
     def __init__(
@@ -93,6 +87,14 @@ class Study:
             json.dumps(asdict(criterion)),
         )
         self.runs = runs
+        self.count = runs
+        self.noun = "flights"
+        self.key = "run"
+
+    @property
+    def columns(self) -> list[tuple[str, str, str]]:
+        """Name, unit and type of every column."""
+        return [(name, unit, TYPES.get(name, "float64")) for name, unit in _core.study_columns()]
 
     @property
     def head(self) -> dict[str, Any]:
@@ -105,8 +107,16 @@ class Study:
         """Hash of the head."""
         return self._core.hash()
 
+    def differences(self, head: dict[str, Any]) -> list[str]:
+        """Where the head of another study differs."""
+        return self._core.differences(json.dumps(head))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return (Study, self._made_of)
+
+    def work(self, indices: list[int], threads: int = 1) -> list[Row]:
+        """As :meth:`fly`."""
+        return self.fly(indices, threads=threads)
 
     def fly(
         self, indices: Iterable[int], *, threads: int = 1, progress: Tell | None = None
@@ -116,9 +126,15 @@ class Study:
         return [json.loads(row) for row in rows]
 
 
-def fly_batch(study: Study, indices: list[int]) -> list[dict[str, Any]]:
-    """What a worker does: a batch of runs on one thread."""
-    return study.fly(indices)
+TYPES = {
+    "run": "int64",
+    "seed": "int64",
+    "status": "string",
+    "state": "string",
+    "success": "bool",
+    "interactions": "bool",
+}
+"""Types of the columns that are no numbers with a fraction."""
 
 
 class MonteCarlo(Table):
@@ -127,7 +143,9 @@ class MonteCarlo(Table):
     def __init__(self, rows: list[dict[str, Any]], head: dict[str, Any], flown: int) -> None:
         columns: dict[str, tuple[str, Values]] = {}
         for name, unit in _core.study_columns():
-            columns[name] = (unit, _column(name, [row[name] for row in rows]))
+            # Whether interactions are on is a word here: it may be unknown.
+            kind = "string" if name == "interactions" else TYPES.get(name, "float64")
+            columns[name] = (unit, array(kind, [row[name] for row in rows]))
         super().__init__(columns, {"study": json.dumps(head)})
         self.head = head
         self.flown = flown
@@ -151,101 +169,6 @@ class MonteCarlo(Table):
             f"{self.head['runs']} runs, success {100 * self.success_rate:.1f} % "
             f"({100 * low:.1f} to {100 * high:.1f} %)>"
         )
-
-
-def _lock(handle: int) -> None:
-    """Locks an open file for as long as it is open, or raises OSError at once."""
-    if os.name == "nt":
-        windows: Any = importlib.import_module("msvcrt")
-        windows.locking(handle, windows.LK_NBLCK, 1)
-    else:
-        posix: Any = importlib.import_module("fcntl")
-        posix.flock(handle, posix.LOCK_EX | posix.LOCK_NB)
-
-
-INTEGERS = ("run", "seed")
-WORDS = ("status", "state")
-
-
-def _column(name: str, values: list[Any]) -> Values:
-    if name in INTEGERS:
-        return np.array(values, dtype=np.int64)
-    if name == "success":
-        return np.array(values, dtype=np.bool_)
-    if name in WORDS or name == "interactions":
-        return np.array(["" if value is None else str(value) for value in values], dtype=np.str_)
-    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-
-
-class Dataset:
-    """The folder of a study: ``study.json``, and ``runs`` in blocks of Parquet files."""
-
-    def __init__(self, folder: str | os.PathLike[str], study: Study) -> None:
-        self.folder = Path(folder)
-        self.study = study
-        self._arrow = need("pyarrow", "cluster", "a dataset of runs")
-        self._parquet = need("pyarrow.parquet", "cluster", "a dataset of runs")
-        types = {"run": "int64", "seed": "int64", "status": "string", "state": "string"}
-        types |= {"success": "bool", "interactions": "bool"}
-        self._schema = self._arrow.schema(
-            [
-                self._arrow.field(
-                    name,
-                    self._arrow.type_for_alias(types.get(name, "float64")),
-                    metadata={"unit": unit},
-                )
-                for name, unit in _core.study_columns()
-            ],
-            metadata={"study": study.hash, "head": json.dumps(study.head)},
-        )
-
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keeps other programs out of the folder meanwhile."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with (self.folder / ".lock").open("w") as handle:
-            try:
-                _lock(handle.fileno())
-            except OSError:
-                raise StudyError(f"{self.folder}: another program is flying into it") from None
-            yield
-
-    def begin(self) -> list[dict[str, Any]]:
-        """Writes ``study.json``, or compares it; gives the rows that are there."""
-        path = self.folder / "study.json"
-        if path.exists():
-            found = json.loads(path.read_text())
-            differences = self.study._core.differences(json.dumps(found["head"]))
-            if differences:
-                listed = "\n  ".join(differences)
-                raise StudyError(f"{self.folder} holds another study:\n  {listed}")
-        else:
-            units = dict(_core.study_columns())
-            document = {"study": self.study.hash, "head": self.study.head, "units": units}
-            write_whole(path, (json.dumps(document, indent=2) + "\n").encode(), force=False)
-        return self.rows()
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Every row, in the order of the runs."""
-        found: dict[int, dict[str, Any]] = {}
-        for path in sorted(self.folder.glob("runs/block=*/*.parquet")):
-            # The file alone: the block is no column of the rows.
-            for row in self._parquet.ParquetFile(path).read().to_pylist():
-                found[row["run"]] = row
-        return [found[run] for run in sorted(found)]
-
-    def add(self, rows: list[dict[str, Any]]) -> None:
-        """Adds runs, a file a block, each whole or not at all."""
-        blocks: dict[int, list[dict[str, Any]]] = {}
-        for row in rows:
-            blocks.setdefault(row["run"] // BLOCK, []).append(row)
-        for block, part in blocks.items():
-            sink = self._arrow.BufferOutputStream()
-            table = self._arrow.Table.from_pylist(part, schema=self._schema)
-            self._parquet.write_table(table, sink, compression="zstd")
-            name = f"runs-{part[0]['run']:08d}-{part[-1]['run']:08d}-{len(part)}.parquet"
-            path = self.folder / "runs" / f"block={block}" / name
-            write_whole(path, sink.getvalue().to_pybytes(), force=True)
 
 
 def montecarlo(
@@ -302,93 +225,13 @@ def montecarlo(
         ranges or Ranges(),
         criterion or Criterion(),
     )
-    if out is None:
-        rows = _fly(study, range(runs), client, batch, retries, progress, None)
-        return MonteCarlo(sorted(rows, key=lambda row: int(row["run"])), study.head, len(rows))
-    dataset = Dataset(out, study)
-    with dataset.locked():
-        known = {row["run"] for row in dataset.begin()}
-        missing = [run for run in range(runs) if run not in known]
-        _fly(study, missing, client, batch, retries, progress, dataset)
-        return MonteCarlo(dataset.rows(), study.head, len(missing))
-
-
-def _fly(
-    study: Study,
-    missing: Iterable[int],
-    client: Any,
-    batch: int | None,
-    retries: int,
-    progress: Progress,
-    dataset: Dataset | None,
-) -> list[dict[str, Any]]:
-    wanted = list(missing)
-    flown: list[dict[str, Any]] = []
-    if not wanted:
-        return flown
-    workers = _workers(client)
-    size = batch or max(1, min(LARGEST_BATCH, len(wanted) // (5 * workers)))
-    batches = [wanted[k : k + size] for k in range(0, len(wanted), size)]
-    if client is None:
-        done = _here(study, batches)
-    elif getattr(client, "__name__", "") == "ray":
-        done = _on_ray(client, study, batches, retries)
-    else:
-        done = _on_dask(client, study, batches, retries)
-    with reporting(progress, "flights") as tell:
-        for rows in done:
-            if dataset is not None:
-                dataset.add(rows)
-            flown += rows
-            if tell is not None:
-                tell(len(flown), len(wanted), "flights")
-    return flown
-
-
-def _workers(client: Any) -> int:
-    if client is None:
-        return 1
-    if getattr(client, "__name__", "") == "ray":
-        return max(1, int(client.cluster_resources().get("CPU", 1)))
-    return max(1, int(sum(client.nthreads().values())))
-
-
-def _here(study: Study, batches: list[list[int]]) -> Iterator[list[dict[str, Any]]]:
-    for indices in batches:
-        yield study.fly(indices, threads=0)
-
-
-def _on_dask(
-    client: Any, study: Study, batches: list[list[int]], retries: int
-) -> Iterator[list[dict[str, Any]]]:
-    distributed = need("distributed", "cluster", "a Dask client")
-    # A task makes the study on a worker, so that it is made again where that
-    # worker is lost.
-    shared = client.submit(pickle.loads, pickle.dumps(study), pure=False)
-    futures = [
-        client.submit(fly_batch, shared, indices, retries=retries, pure=False)
-        for indices in batches
-    ]
-    waiting = distributed.as_completed(futures)
-    try:
-        for future in waiting:
-            yield future.result()
-            future.release()
-    finally:
-        # Whether it is all done, has failed, or was interrupted.
-        client.cancel(futures)
-
-
-def _on_ray(
-    ray: Any, study: Study, batches: list[list[int]], retries: int
-) -> Iterator[list[dict[str, Any]]]:
-    shared = ray.put(study)
-    task = ray.remote(max_retries=retries, num_cpus=1)(fly_batch)
-    waiting = [task.remote(shared, indices) for indices in batches]
-    try:
-        while waiting:
-            ready, waiting = ray.wait(waiting, num_returns=1)
-            yield from ray.get(ready)
-    finally:
-        for reference in waiting:
-            ray.cancel(reference)
+    rows, flown = work(
+        study,
+        client=client,
+        out=out,
+        batch=batch,
+        largest_batch=LARGEST_BATCH,
+        retries=retries,
+        progress=progress,
+    )
+    return MonteCarlo(rows, study.head, flown)

@@ -18,6 +18,7 @@ from .units import floats
 
 if TYPE_CHECKING:
     from .design import Specification, Verification
+    from .models import Models
     from .problem import Problem
 
 
@@ -122,7 +123,7 @@ class Schedule:
 
     def verify(
         self,
-        problem: Problem,
+        problem: Problem | Models,
         spec: Specification | str | os.PathLike[str] | None = None,
         *,
         progress: Progress = None,

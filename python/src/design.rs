@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use coaxdesign::control::axis::Channel;
+use coaxdesign::pipeline::directory::{NOTE, Note};
 use coaxdesign::pipeline::{self, Requirements, TuneOptions};
 use pyo3::prelude::*;
 
@@ -14,7 +15,7 @@ use crate::schedule::Schedule;
 /// A specification, with the text that it was read from.
 #[pyclass(frozen, module = "coaxdesign._core")]
 pub struct Specification {
-    requirements: Requirements,
+    pub requirements: Requirements,
 }
 
 #[pymethods]
@@ -77,8 +78,22 @@ impl Specification {
     }
 }
 
-fn json(document: Result<serde_json::Value, serde_json::Error>) -> PyResult<String> {
+pub fn json(document: Result<serde_json::Value, serde_json::Error>) -> PyResult<String> {
     document.map(|value| value.to_string()).map_err(|error| errors::internal(&error.to_string()))
+}
+
+/// Channels by name.
+pub fn channels_of(py: Python<'_>, names: &[String]) -> PyResult<Vec<Channel>> {
+    names
+        .iter()
+        .map(|name| {
+            Channel::ALL.into_iter().find(|channel| channel.name() == name).ok_or_else(|| {
+                let known: Vec<&str> = Channel::ALL.iter().map(|c| c.name()).collect();
+                let message = format!("there is no channel {name:?}; one of {}", known.join(", "));
+                errors::raise(py, "DesignError", &message)
+            })
+        })
+        .collect()
 }
 
 /// Tunes a schedule: the schedule, and its `verification.json`. `channels` are
@@ -93,17 +108,7 @@ pub fn tune(
     explain_all: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Schedule, String)> {
-    let channels = channels
-        .iter()
-        .map(|name| {
-            Channel::ALL.into_iter().find(|channel| channel.name() == name).ok_or_else(|| {
-                let known: Vec<&str> = Channel::ALL.iter().map(|c| c.name()).collect();
-                let message = format!("there is no channel {name:?}; one of {}", known.join(", "));
-                errors::raise(py, "DesignError", &message)
-            })
-        })
-        .collect::<PyResult<Vec<Channel>>>()?;
-    let options = TuneOptions { channels, explain_all };
+    let options = TuneOptions { channels: channels_of(py, &channels)?, explain_all };
     let tuned = run(py, progress.as_ref(), |ticker| {
         pipeline::tune(&problem.loaded, &specification.requirements, &options, ticker)
     })?
@@ -129,4 +134,18 @@ pub fn verify(
     })?
     .map_err(|error| errors::pipeline(py, &error, "SpecificationError"))?;
     json(pipeline::verification_document(&verified, &[], &[]))
+}
+
+/// Files of a design's directory beside the schedule: its note, the problem
+/// and the specification, by their places.
+#[pyfunction]
+pub fn design_files(
+    problem: &Problem,
+    specification: &Specification,
+) -> PyResult<Vec<(String, Vec<u8>)>> {
+    let note = Note::new(&problem.loaded, &specification.requirements);
+    let mut files = note.files(&problem.loaded, &specification.requirements);
+    let text = note.to_json().map_err(|error| errors::internal(&error.to_string()))?;
+    files.push((NOTE.into(), text.into_bytes()));
+    Ok(files)
 }

@@ -10,7 +10,7 @@
 //!   Ctrl-C.
 //! * [`arrays`]: columns and matrices as NumPy arrays.
 //! * [`problem`], [`linear`], [`schedule`], [`mod@design`], [`flight`], [`figure`],
-//!   [`study`]: one file a stage.
+//!   [`study`], [`sweep`], [`models`]: one file a stage.
 
 mod arrays;
 mod design;
@@ -18,17 +18,19 @@ mod errors;
 mod figure;
 mod flight;
 mod linear;
+mod models;
 mod problem;
 mod run;
 mod schedule;
 mod study;
+mod sweep;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::design::{Specification, tune, verify};
+    use super::design::{Specification, design_files, tune, verify};
     #[pymodule_export]
     use super::figure::history_svg;
     #[pymodule_export]
@@ -36,11 +38,15 @@ mod _core {
     #[pymodule_export]
     use super::linear::linearize;
     #[pymodule_export]
+    use super::models::{Models, tune_models, verify_models};
+    #[pymodule_export]
     use super::problem::{Problem, problem_names, quantity, reload, trim, trim_svg};
     #[pymodule_export]
     use super::schedule::{Schedule, export_formats};
     #[pymodule_export]
     use super::study::{Study, confidence, study_columns};
+    #[pymodule_export]
+    use super::sweep::{Sweep, sweep_grid};
 
     use pyo3::prelude::*;
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,15 @@ def test_a_study_goes_on_where_it_was_left(
     assert rest.flown == 14
     same(rest, here)
     assert fly(problem, schedule, out=tmp_path).flown == 0
+
+
+def test_study_json_follows_its_schema(
+    problem: cx.Problem, schedule: cx.Schedule, tmp_path: Path, program: Callable[..., str]
+) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    fly(problem, schedule, out=tmp_path, runs=2)
+    study = json.loads((tmp_path / "study.json").read_text())
+    jsonschema.validate(study, json.loads(program("schema", "study")))
 
 
 def test_another_study_is_refused_by_what_differs(
