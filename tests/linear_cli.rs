@@ -36,9 +36,12 @@ fn linearize_writes_the_reduced_model_in_the_units_of_the_paper() {
     let other = from_json(out(&si)).unwrap();
     assert!((record.model.a() - other.model.a()).amax() < 1e-12 * other.model.a().amax());
     assert_eq!(run("--format json --threads 1").stdout, json.stdout);
-    // Every entry of the four matrices and of the trim, and a head.
+    // Every entry of the four matrices and of the trim, the limits of the sticks,
+    // and a head.
     let csv = run("--format csv");
-    assert_eq!(out(&csv).lines().count(), 1 + 8 * 8 + 8 * 4 + 15 * 8 + 15 * 4 + 8 + 4);
+    let trim_and_limits = 8 + 4 + 2 * 4;
+    let matrices = 8 * 8 + 8 * 4 + 15 * 8 + 15 * 4;
+    assert_eq!(out(&csv).lines().count(), 1 + matrices + trim_and_limits);
     // The trim is that of the flight: its velocity makes 70 kt.
     let trim = record.trim.unwrap();
     let speed = trim.states[0].hypot(trim.states[1]).hypot(trim.states[2]);
