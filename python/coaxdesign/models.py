@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from .design import Specification
 
 SI_UNITS = {
-    **dict.fromkeys(("u", "v", "w"), "m/s"),
-    **dict.fromkeys(("p", "q", "r"), "rad/s"),
+    **dict.fromkeys(("u", "v", "w", "v_forward", "v_right", "v_down"), "m/s"),
+    **dict.fromkeys(("p", "q", "r", "heading_rate"), "rad/s"),
+    **dict.fromkeys(("a_x", "a_y", "a_z"), "m/s^2"),
     **dict.fromkeys(("phi", "theta"), "rad"),
     **dict.fromkeys(("lat", "lon", "col", "ped"), "%"),
 }
